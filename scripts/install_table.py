@@ -23,10 +23,9 @@ def resolved(install: str, processor: str, python: str) -> str:
     """How many packages an install needs, or which one has no built package there."""
     command = [sys.executable, "-m", "uv", "pip", "compile", "--quiet", "--no-header", "--no-annotate"]
     command += ["--only-binary", ":all:", "--python-version", python, "--python-platform", f"{processor}-{GLIBC}"]
-    source, given = str(ROOT / "pyproject.toml"), None
     if install != "base":
         command += ["--extra", install]
-    result = subprocess.run([*command, source], input=given, capture_output=True, text=True, check=False)
+    result = subprocess.run([*command, str(ROOT / "pyproject.toml")], capture_output=True, text=True, check=False)
     if result.returncode == 0:
         packages = [line.partition("==")[0] for line in result.stdout.splitlines() if line.strip()]
         return f"{len(packages)}"

@@ -1,6 +1,5 @@
 """A simulated world as a camera that the runtime drives: `sim:SEED`."""
 
-from collections.abc import Iterator
 from typing import Any
 
 from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraOptions
@@ -9,7 +8,6 @@ from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import Frame
 from edgemap.simulation.record import truth_of
 from edgemap.simulation.shots import shots
-from edgemap.simulation.studio import Shot
 from edgemap.simulation.truth import object_records
 from edgemap.simulation.world import CONTRACT_STAMPS_S, World, draw_world
 
@@ -20,7 +18,7 @@ SEED_DIGITS = 18
 class SimCamera(Camera):
     """Renders a world's drive while it is read, a few pictures ahead. world: with all of its truth.
 
-    Raises SimulationError and MissingExtraError, one line each.
+    Raises SimulationError.
     """
 
     def __init__(self, name: str, world: World) -> None:
@@ -28,13 +26,11 @@ class SimCamera(Camera):
         size, count, truth = (lens.width, lens.height), world.frames, truth_of(world)
         super().__init__(CameraInfo(name, size, lens, mount, rate_hz=rate_hz, frame_count=count, truth=truth))
         self.world = world
-        self._shots: Iterator[Shot] | None = None
+        self._shots = shots(world, range(count))  # begins at the first `next`
         self._boxes: list[list[dict[str, Any]]] = []
 
     def read(self) -> Frame | None:
         """The next picture; None after the last. The first takes some seconds: the home is lit."""
-        if self._shots is None:
-            self._shots = shots(self.world, range(self._delivered, self.world.frames))
         shot = next(self._shots, None)
         if shot is None:
             return None
@@ -49,9 +45,7 @@ class SimCamera(Camera):
 
     def close(self) -> None:
         """Stop rendering and deliver nothing more."""
-        if self._shots is not None and hasattr(self._shots, "close"):
-            self._shots.close()  # type: ignore[attr-defined]
-        self._shots = iter(())
+        self._shots.close()
 
 
 def open(address: str, how: CameraOptions = CameraOptions()) -> SimCamera:  # noqa: B008

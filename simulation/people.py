@@ -11,7 +11,7 @@ from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot import motion
-from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Sampled
 from edgemap.simulation.robot.plan_grid import PlanGrid
 from edgemap.simulation.robot.router import Router
 
@@ -26,7 +26,7 @@ class Walker:
     """A person: of which model, and where at any time."""
 
     model: Model
-    motion: SampledDrive
+    motion: Sampled
 
     def pose_home(self, stamp_s: float) -> SE2:
         """Pose of the person."""
@@ -34,7 +34,7 @@ class Walker:
 
 
 def draw_walkers(
-    grid: PlanGrid, models: Sequence[Model], count: int, robot: SampledDrive, seconds: float, seed: tuple[int, ...]
+    grid: PlanGrid, models: Sequence[Model], count: int, robot: Sampled, seconds: float, seed: tuple[int, ...]
 ) -> tuple[Walker, ...]:
     """Draws `count` walkers for a span of time; fewer where there is no space. robot: the robot's drive, slightly
     longer.
@@ -52,9 +52,7 @@ def draw_walkers(
     return tuple(walkers)
 
 
-def _walk(
-    router: Router, limits: Limits, robot: SampledDrive, seconds: float, rng: np.random.Generator
-) -> SampledDrive:
+def _walk(router: Router, limits: Limits, robot: Sampled, seconds: float, rng: np.random.Generator) -> Sampled:
     starts = router.nodes_m[rng.integers(len(router.nodes_m), size=30)]
     far = np.linalg.norm(starts - robot.samples[0, :2], axis=1)
     pose = np.array([*starts[int(np.argmax(far > min(1.5, far.max() - 1e-9)))], rng.uniform(-math.pi, math.pi)])
@@ -74,7 +72,7 @@ def _walk(
         legs.append(leg)
         count += len(leg)
         pose = leg[-1]
-    return SampledDrive(np.concatenate(legs))
+    return Sampled(np.concatenate(legs))
 
 
 def _draw_leg(router: Router, limits: Limits, pose: Array, rng: np.random.Generator) -> Array | None:
@@ -92,7 +90,7 @@ def _draw_leg(router: Router, limits: Limits, pose: Array, rng: np.random.Genera
     return np.concatenate([motion.turn(pose, left, limits), motion.along(path, pose[2] + left, limits)])
 
 
-def _apart_m(leg: Array, start: int, robot: SampledDrive) -> float:
+def _apart_m(leg: Array, start: int, robot: Sampled) -> float:
     """The least distance to the robot while the leg lasts and two seconds on."""
     last = np.tile(leg[-1], (int(2.0 / SAMPLE_S), 1))
     person = np.concatenate([leg, last])[::5]

@@ -20,7 +20,6 @@ from edgemap.simulation.apartment.apartment import furnish
 from edgemap.simulation.apartment.credits import PICTURES, credits_text
 from edgemap.simulation.camera.exposure import light_levels, settled_gain
 from edgemap.simulation.camera.film import encoded, sensed, shaken
-from edgemap.simulation.errors import require
 from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, Probes
@@ -48,9 +47,7 @@ def render_pictures(
 ) -> None:
     """Render that many views of every home, a share `close` of them with little floor in view, by a robot's camera
     or a carried one; finished homes are kept, and the result is the same however often it was stopped. Raises
-    SimulationError and MissingExtraError, one line each."""
-    for module in ("moderngl", "embreex", "PIL"):
-        require(module)
+    SimulationError and DiskError."""
     settings = {"format": FORMAT, "per_home": per_home, "first_home": homes[0], "homes": len(homes)}
     settings |= {"home_step": homes.step} if homes.step > 1 else {}
     settings |= {"close": close} if close else {}
@@ -109,7 +106,7 @@ def _render_home(task: tuple[Path, int, int, float, bool]) -> int:
     return home
 
 
-def _light(shown: Shown, probes: Probes | None, rng: np.random.Generator) -> tuple[LightMix, float]:
+def _light(shown: Shown, probes: Probes, rng: np.random.Generator) -> tuple[LightMix, float]:
     """Light at some moment, and how far the camera brightens it, more or less."""
     mix = light_mix(shown.light, rng.uniform(0.0, 60.0))
     day, lamp = light_levels(probes, shown.pose_home_base.vector()[None])

@@ -13,20 +13,18 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives.locobot import write_locobot
 from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
 from edgemap.runtime.inputs.drives.truth import PLAN_FORMAT, PLAN_NAME
-from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.credits import credits_text
 from edgemap.simulation.apartment.layout import Placed
 from edgemap.simulation.apartment.plan import Rectangle
 from edgemap.simulation.apartment.space import rectangle_corners
-from edgemap.simulation.errors import require
 from edgemap.simulation.render.light import BakeSettings
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot.imu import imu_samples, wheel_odometry
@@ -44,7 +42,9 @@ def write_video(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: floa
 
     Raises MissingExtraError where PyAV is absent.
     """
-    av = require("av")
+    need("simulation", "a video", ("av",))
+    import av
+
     with av.open(library_path(path), "w", format="mp4") as container:
         stream = container.add_stream("libvpx-vp9", rate=Fraction(rate_hz).limit_denominator(1000))
         stream.pix_fmt, stream.options = "yuv420p", {"crf": str(QUALITY_CRF), "b": "0", "cpu-used": "2"}
@@ -74,11 +74,11 @@ def label_drive(world: World, folder: Path, every: int) -> int:
     return len(files)
 
 
-def floor_plan_record(apartment: Apartment, pose_home_map: SE2) -> dict[str, Any]:
-    """Contents of `floor_plan.json`, in the map frame, metres. Furniture is its oriented bounding rectangle with its
-    lowest and highest point; walls contain open door leaves.
+def write_floor_plan(world: World, folder: Path) -> None:
+    """Writes `floor_plan.json`, in the map frame, metres. Furniture is its oriented bounding rectangle with its lowest
+    and highest point; walls contain open door leaves. Raises DiskError.
     """
-    pose_map_home, plan = pose_home_map.inverse(), apartment.plan
+    pose_map_home, plan = world.poses()[0].inverse(), world.apartment.plan
 
     def corners(points: Array) -> list[list[float]]:
         return np.round(pose_map_home.apply(points), 4).tolist()
@@ -86,7 +86,7 @@ def floor_plan_record(apartment: Apartment, pose_home_map: SE2) -> dict[str, Any
     def rectangle(area: Rectangle) -> list[list[float]]:
         return corners(rectangle_corners(area))
 
-    return {
+    record = {
         "format": PLAN_FORMAT,
         "frame": "map",
         "walls": [{"corners_m": rectangle(wall)} for wall in plan.walls],
@@ -110,15 +110,10 @@ def floor_plan_record(apartment: Apartment, pose_home_map: SE2) -> dict[str, Any
                 "high_m": round(float(item.z_m + item.model.height_m), 4),
                 "corners_m": corners(item.footprint_home_m()),
             }
-            for item in apartment.furniture
+            for item in world.apartment.furniture
         ],
     }
-
-
-def write_floor_plan(world: World, store: FrameStore) -> None:
-    """Write it beside the other truth files. Raises DiskError."""
-    record = floor_plan_record(world.apartment, world.poses()[0])
-    write_atomically(store.folder / PLAN_NAME, json.dumps(record, indent=None) + "\n")
+    write_atomically(folder / PLAN_NAME, json.dumps(record) + "\n")
 
 
 Progress = Callable[[int, int], None]
@@ -134,55 +129,48 @@ def record(
     world: World,
     folder: Path,
     *,
-    layout: str = "drive",
     video: bool = False,
     depth: bool = False,
     progress: Progress = lambda _done, _all: None,
     command: str = "edgemap simulate",
-    workers: int | None = None,
 ) -> None:
-    """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes. layout: `drive`
-    (images/ or video.mp4; depth/ if asked) or `locobot` (rgb/, depth/). depth: 16 bits, millimetres along the optical
-    axis. progress: called with the pictures done and all. Raises SimulationError, DiskError and MissingExtraError.
+    """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes. video: one video.mp4
+    instead of images/. depth: depth/ too, 16 bits, millimetres along the optical axis. progress: called with the
+    pictures done and all. Raises SimulationError, DiskError and MissingExtraError.
     """
-    locobot = layout == "locobot"
-    settings = _settings(world, layout, video, depth)
-    store = FrameStore(folder, settings, "rgb" if locobot else None if video else "images", depth or locobot)
+    store = FrameStore(folder, _settings(world, video, depth), None if video else "images", depth)
     if store.complete:
-        if not locobot:  # it may have been rendered when plans held less
-            write_floor_plan(world, store)
+        write_floor_plan(world, folder)  # it may have been rendered when plans held less
         progress(world.frames, world.frames)
         return
     missing = store.missing(range(world.frames))
     done = world.frames - len(missing)
     progress(done, world.frames)
-    for number, shot in enumerate(shots(world, missing, workers), start=done + 1):
+    for number, shot in enumerate(shots(world, missing), start=done + 1):
         store.save(shot)
         progress(number, world.frames)
     if video:
-        _write_video(store, world.camera.rate_hz)
+        unfinished = store.parts / "video.mp4"
+        write_video(unfinished, map(read_picture, store.picture_paths()), world.camera.rate_hz)
+        unfinished.replace(folder / "video.mp4")
     camera, truth = world.camera, truth_of(world)
     wheel = wheel_odometry(world.motion, world.stamps_s, np.random.default_rng([world.seed, 3]))
-    if locobot:
-        write_locobot(folder, camera.intrinsics, camera.mount, camera.rate_hz, wheel.tolist(), truth)
-    else:
-        boxes = [store.read(index) for index in range(world.frames)]
-        objects = object_records(world.apartment, world.poses()[0], boxes)
-        tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
-        rows = wheel.tolist()
-        write_floor_plan(world, store)
-        write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, rows, tilts)
-        if world.imu:
-            rng = np.random.default_rng([world.seed, 9])
-            samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
-            write_imu_csv(folder / "imu.csv", samples)
+    boxes = [store.read(index) for index in range(world.frames)]
+    objects = object_records(world.apartment, world.poses()[0], boxes)
+    tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
+    write_floor_plan(world, folder)
+    write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel.tolist(), tilts)
+    if world.imu:
+        rng = np.random.default_rng([world.seed, 9])
+        samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
+        write_imu_csv(folder / "imu.csv", samples)
     if moved := moved_record(world):
         write_atomically(folder / "moved.json", json.dumps(moved, indent=1))
     write_atomically(folder / "README.md", credits_text(world.models(), command))
     store.finish()
 
 
-def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, Any]:
+def _settings(world: World, video: bool, depth: bool) -> dict[str, Any]:
     chosen = {"nodding": world.tilts is not None, "imu": world.imu}
     return (
         {
@@ -190,7 +178,7 @@ def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, 
             "seed": world.seed,
             "home_seed": world.home_seed,
             "frames": world.frames,
-            "layout": layout,
+            "layout": "drive",  # the only one; named so that earlier renderings go on
             "video": video,
             "depth": depth,
             "people": len(world.walkers),
@@ -203,12 +191,6 @@ def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, 
         | {name: True for name, wanted in chosen.items() if wanted}
         | ({"moved": len(world.changes.moved)} if world.changes else {})
     )
-
-
-def _write_video(store: FrameStore, rate_hz: float) -> None:
-    unfinished = store.parts / "video.mp4"
-    write_video(unfinished, map(read_picture, store.picture_paths()), rate_hz)
-    unfinished.replace(store.folder / "video.mp4")
 
 
 def moved_record(world: World) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import multiprocessing
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
@@ -19,7 +19,7 @@ R = TypeVar("R")
 
 def default_workers() -> int:
     """Two, where there are two cores: each works on its own pictures with one thread."""
-    return min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+    return min(2, len(os.sched_getaffinity(0)))
 
 
 def ordered(
@@ -65,10 +65,10 @@ _FEW = 40
 _studio: Studio | None = None
 
 
-def shots(world: World, indices: Iterable[int], workers: int | None = None) -> Iterator[Shot]:
+def shots(world: World, indices: Iterable[int]) -> Generator[Shot, None, None]:
     """Pictures of the given indices, in that order; the same whatever the number of processes."""
     todo = list(indices)
-    workers = workers or (1 if len(todo) < _FEW else default_workers())
+    workers = 1 if len(todo) < _FEW else default_workers()
     if not todo:
         return
     lit = lit_home(world)

@@ -12,7 +12,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.camera.exposure import LightScript, gains
 from edgemap.simulation.camera.film import encoded, sensed, shaken
-from edgemap.simulation.errors import require
 from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
@@ -46,8 +45,6 @@ class Shot:
 
 def lit_home(world: World, settings: BakeSettings | None = None) -> LitScene:
     """Builds the home of a world and bakes its light. This is slow, and needed only once for each world."""
-    for module in ("moderngl", "embreex", "PIL"):
-        require(module)
     return bake(build_scene(world.apartment, world.home_seed), world.home_seed, settings)
 
 

@@ -19,9 +19,9 @@ from edgemap.simulation.envelope import Envelope, light_of
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.people import Walker, draw_walkers
 from edgemap.simulation.render.scene import Scene, Solid
-from edgemap.simulation.robot.explore import Habits, drive
-from edgemap.simulation.robot.motion import Limits, SampledDrive
-from edgemap.simulation.robot.nodding import Tilts, nodding_of
+from edgemap.simulation.robot.explore import drive
+from edgemap.simulation.robot.motion import Sampled
+from edgemap.simulation.robot.nodding import nodding_of
 from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 
 # What a drive must offer within its first 45 s, estimated from the plan: a little more than the contract asks, because
@@ -54,8 +54,6 @@ class Choices:
     effects: Effects | None = None
     light: str | None = None
     people: int | None = None
-    limits: Limits | None = None
-    habits: Habits | None = None
     contract: bool = True
     moved: int = 0
     nodding: bool = False
@@ -79,12 +77,12 @@ class World:
     camera: CameraSetup
     effects: Effects
     light: LightScript
-    motion: SampledDrive
+    motion: Sampled
     frames: int
     walkers: tuple[Walker, ...] = ()
     changes: Changes | None = None
     start_before: SE2 | None = None
-    tilts: Tilts | None = None
+    tilts: Sampled | None = None
     imu: bool = False
 
     @property
@@ -98,7 +96,7 @@ class World:
 
     def poses(self) -> list[SE2]:
         """Poses of the base in the home frame, one per picture."""
-        return self.motion.poses(self.frames, self.camera.rate_hz)
+        return [SE2(*row) for row in self.motion.at(self.stamps_s)]
 
 
 def build_scene(apartment: Apartment, seed: int) -> Scene:
@@ -112,20 +110,13 @@ def build_scene(apartment: Apartment, seed: int) -> Scene:
 
 
 def draw_world(seed: int, frames: int, choices: Choices | None = None) -> World:
-    """The world of a seed, its base level or nodding; see `_draw_world`. Nodding and IMU have random streams of their
-    own, so that everything else is as without them."""
-    choices = choices or Choices()
-    world = _draw_world(seed, frames, choices)
-    tilts = nodding_of(world.motion, (seed, world.home_seed, 8)) if choices.nodding else None
-    return replace(world, tilts=tilts, imu=choices.imu)
-
-
-def _draw_world(seed: int, frames: int, choices: Choices) -> World:
     """The world of a seed: the first home, camera and drive, in a fixed order, that offer what the contract asks.
 
     The contract is judged on the drive's first 45 s whatever `frames` is, and a drive is one endless stream, so
-    a longer recording of a seed begins with the shorter one. Raises SimulationError where no try will do.
+    a longer recording of a seed begins with the shorter one. Nodding and IMU have random streams of their own, so that
+    everything else is as without them. Raises SimulationError where no try will do.
     """
+    choices = choices or Choices()
     for attempt in range(_HOMES):
         home_seed = seed // _BLOCK * _BLOCK + (seed + _STRIDE * attempt) % _BLOCK
         apartment = furnish(home_seed)
@@ -134,8 +125,12 @@ def _draw_world(seed: int, frames: int, choices: Choices) -> World:
         grid = PlanGrid(apartment)
         for number in range(_DRIVES):
             world = _draw_drive(seed, home_seed, number, frames, apartment, grid, choices)
-            if world is not None:
-                return _after_moving(world, number, frames, choices) if choices.moved else world
+            if world is None:
+                continue
+            if choices.moved:
+                world = _after_moving(world, number, frames, choices)
+            tilts = nodding_of(world.motion, (seed, home_seed, 8)) if choices.nodding else None
+            return replace(world, tilts=tilts, imu=choices.imu)
     raise SimulationError(f"seed {seed}: none of {_HOMES} homes offers a drive of {_LEAST_WAY_M:.0f} m")
 
 
@@ -171,16 +166,16 @@ def _draw_drive(
     camera = replace(camera, rate_hz=choices.rate_hz or camera.rate_hz)
     light = light_of(choices.light, rng) if choices.light else _ENVELOPE.draw_light(rng)
     effects = choices.effects or _ENVELOPE.draw_effects(rng, light)
-    limits = choices.limits or _ENVELOPE.draw_limits(rng)
+    limits = _ENVELOPE.draw_limits(rng)
     drawn = int(rng.choice(len(_ENVELOPE.people), p=_ENVELOPE.people))
     sight = VisibilityEstimate(apartment, grid, camera.intrinsics, camera.mount)
     way = [seed, home_seed, number, 2, *turn]
     try:
-        motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S, choices.habits)
+        motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S)
         if choices.contract and not _fulfils(motion, sight):
             return None
         seconds = frames / camera.rate_hz + _SPARE_S
-        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds, choices.habits)
+        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds)
     except SimulationError:
         return None
     people = drawn if choices.people is None else choices.people
@@ -190,7 +185,7 @@ def _draw_drive(
     return World(seed, home_seed, apartment, camera, effects, light, motion, frames, walkers)
 
 
-def _fulfils(motion: SampledDrive, sight: VisibilityEstimate) -> bool:
+def _fulfils(motion: Sampled, sight: VisibilityEstimate) -> bool:
     poses = motion.at(CONTRACT_STAMPS_S)
     if np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum() < _LEAST_WAY_M:
         return False

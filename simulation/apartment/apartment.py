@@ -15,8 +15,6 @@ from edgemap.simulation.apartment.plan import ApartmentPlan
 from edgemap.simulation.apartment.rooms import furnish_room
 from edgemap.simulation.errors import SimulationError
 
-__all__ = ["Apartment", "Placed", "furnish", "purpose_of"]
-
 _VALIDATION_FROM_SEED, _TEST_FROM_SEED = 8000, 9000
 _FROZEN_SEEDS = range(9200, 9300)
 # A home with fewer labelled pieces on its floor gets more of what can stand anywhere.

@@ -165,7 +165,14 @@ def _windows(plan: ApartmentPlan, rng: np.random.Generator) -> tuple[Window, ...
     """One or two windows per room on its outer walls; small high ones in bathrooms, now and then down to the floor."""
     windows = []
     for index, room in enumerate(plan.rooms):
-        sides = [side for side, is_outer in _outer_sides(plan, room).items() if is_outer]
+        edge = WALL_M + 1e-6
+        outer = {
+            "left": room.x0 < edge,
+            "right": room.x1 > plan.width_m - edge,
+            "near": room.y0 < edge,
+            "far": room.y1 > plan.depth_m - edge,
+        }
+        sides = [side for side, is_outer in outer.items() if is_outer]
         wanted = 1 if room.kind in {"bathroom", "hall", "kitchen"} else int(rng.integers(1, 3))
         for side in rng.permutation(sides)[:wanted]:
             low, high, _ = room.wall(str(side))
@@ -179,13 +186,3 @@ def _windows(plan: ApartmentPlan, rng: np.random.Generator) -> tuple[Window, ...
             start = float(rng.uniform(low + 0.25, high - 0.25 - width))
             windows.append(Window(index, str(side), start, start + width, float(sill), float(top)))
     return tuple(windows)
-
-
-def _outer_sides(plan: ApartmentPlan, room: RoomArea) -> dict[str, bool]:
-    edge = WALL_M + 1e-6
-    return {
-        "left": room.x0 < edge,
-        "right": room.x1 > plan.width_m - edge,
-        "near": room.y0 < edge,
-        "far": room.y1 > plan.depth_m - edge,
-    }

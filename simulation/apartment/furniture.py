@@ -4,6 +4,7 @@ Debian's `sweethome3d-furniture` brings five libraries of OBJ models with real s
 the ones that COCO-trained detectors recognise when they are drawn by this renderer.
 """
 
+import colorsys
 import re
 import tomllib
 import zipfile
@@ -16,9 +17,8 @@ from typing import Any, Literal
 import numpy as np
 
 from edgemap.simulation.apartment.made import FLAT_TOPS, LIBRARY, made
-from edgemap.simulation.apartment.tint import Tint
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.render.mesh import Mesh, Part
+from edgemap.simulation.render.mesh import Material, Mesh, Part
 from edgemap.simulation.render.obj import read_obj, simplified
 
 LIBRARIES = Path("/usr/share/sweethome3d/furniture")
@@ -158,6 +158,36 @@ def _made_model(key: str) -> Model:
     kind, _, number = name.rpartition("-")
     top = height if kind in FLAT_TOPS else 0.0
     return Model(LIBRARY, f"{kind} {number}", "edgemap", name, width, depth, height, top_m=top)
+
+
+@dataclass(frozen=True, slots=True)
+class Tint:
+    """How one piece differs in colour from its model. hue: turn of plain colours, in circles. cast: linear factors (3,)
+    on everything, textures too."""
+
+    hue: float = 0.0
+    cast: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, strength: float) -> "Tint | None":
+        """A tint; None for about half of the pieces. strength: 1 for painted and woven pieces, near 0 for plants."""
+        if rng.random() < 0.5:
+            return None
+        brightness = float(np.exp(rng.normal(0.0, 0.28 * strength)))
+        cast = brightness * np.exp(rng.normal(0.0, 0.14 * strength, 3))
+        r, g, b = (float(channel) for channel in np.clip(cast, 0.45, 1.5))
+        return cls(float(rng.uniform(-0.5, 0.5)) * strength, (r, g, b))
+
+    def on(self, material: Material) -> Material:
+        """The material in this tint; what glows or lets light through keeps its colour."""
+        if max(material.emission) > 0.0 or material.see_through:
+            return material
+        red, green, blue = material.colour
+        if material.texture is None and self.hue:
+            hue, lightness, saturation = colorsys.rgb_to_hls(*np.clip(material.colour, 0.0, 1.0))
+            red, green, blue = colorsys.hls_to_rgb((hue + self.hue) % 1.0, lightness, saturation)
+        r, g, b = (min(channel * cast, 1.2) for channel, cast in zip((red, green, blue), self.cast, strict=True))
+        return replace(material, colour=(r, g, b))
 
 
 def piece(model: Model, tint: Tint | None = None) -> Mesh:

@@ -3,6 +3,7 @@
 import math
 
 from edgemap.geometry.se2 import SE2
+from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.apartment.layout import SIDES, Layout, Placed
 from edgemap.simulation.apartment.plan import RoomArea
 
@@ -81,7 +82,7 @@ def _row_length(home: Layout, room: RoomArea, side: str) -> tuple[float, str]:
 
 def _row(home: Layout, room: RoomArea, side: str, kinds: list[str]) -> None:
     low, high, _ = room.wall(side)
-    at, cabinet, like = low + 0.02, home.model("lower cabinet"), None
+    at, cabinet, like, upper = low + 0.02, home.model("lower cabinet"), None, None
     for kind in kinds:
         model = cabinet if kind == "lower cabinet" else home.model(kind)
         while at + model.width_m < high:
@@ -93,16 +94,18 @@ def _row(home: Layout, room: RoomArea, side: str, kinds: list[str]) -> None:
                 at += model.width_m + 0.005
                 if kind == "lower cabinet":
                     like = like or item
-                    _above(home, item, room, side)
+                    upper = _above(home, item, room, side, upper)
                 break
             at += 0.15
 
 
-def _above(home: Layout, item: Placed, room: RoomArea, side: str) -> None:
+def _above(home: Layout, item: Placed, room: RoomArea, side: str, upper: Model | None) -> Model:
+    """What stands on a lower cabinet, and the cabinet above it: of the model that the row has already, if any."""
     low, high, _ = room.wall(side)
     middle = item.pose_home_object.x_m if side in {"near", "far"} else item.pose_home_object.y_m
     if home.chance(0.5):
         home.on_top("microwave" if home.chance(0.35) else "counter clutter", item, room, spread=0.1)
-    upper = home.model("upper cabinet", usual=True)
+    upper = upper or home.model("upper cabinet")
     along = (middle - low - upper.width_m / 2.0 - 0.01) / max(high - low - upper.width_m - 0.02, 0.1)
     home.put("upper cabinet", upper, room, home.wall_pose(upper, room, side, along), upper.elevation_m, like=item)
+    return upper

@@ -8,10 +8,9 @@ import numpy as np
 
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.apartment.furniture import Model, Purpose
+from edgemap.simulation.apartment.furniture import Model, Purpose, Tint
 from edgemap.simulation.apartment.plan import ApartmentPlan, RoomArea
 from edgemap.simulation.apartment.space import Boxes, Floor, rectangle_corners
-from edgemap.simulation.apartment.tint import Tint, draw_tint
 from edgemap.simulation.render.mesh import Array
 
 # Classes that move by themselves: detected, but never mapped, and not required in a home.
@@ -61,7 +60,6 @@ class Layout:
         self.purpose: Purpose = purpose
         self.placed: list[Placed] = []
         self.boxes, self.floor = Boxes(), Floor(plan)
-        self._usual: dict[str, Model] = {}
         for wall in plan.walls:
             self.boxes.add(rectangle_corners(wall), 0.0, plan.height_m, 0)
         for door in plan.doorways:
@@ -73,11 +71,8 @@ class Layout:
             keep = plan.rooms[window.room].strip(window.side, low, high, _WINDOW_M)
             self.boxes.add(rectangle_corners(keep), window.sill_m + 0.02, window.top_m, 0)
 
-    def model(self, kind: str, usual: bool = False) -> Model:
-        """A model of a kind in a size of its own. usual: the model that this home has several of, such as a table's
-        chairs."""
-        if usual and kind in self._usual:
-            return self._usual[kind]
+    def model(self, kind: str) -> Model:
+        """A model of a kind in a size of its own."""
         pool = furniture.kinds()[kind]
         keys = pool.choices(self.purpose)
         key = keys[int(self.rng.integers(len(keys)))]
@@ -85,8 +80,7 @@ class Layout:
         stretch = (1.0, 1.0, 1.0)
         if pool.label and self.purpose == "training":
             stretch = (self.uniform(0.9, 1.1), self.uniform(0.9, 1.1), self.uniform(0.9, 1.1))
-        model = furniture.model_of(key).scaled(size, stretch)
-        return self._usual.setdefault(kind, model) if usual else model
+        return furniture.model_of(key).scaled(size, stretch)
 
     def put(
         self,
@@ -103,7 +97,7 @@ class Layout:
         piece with the same tint. spare_m: margin that must be free around and above it.
         """
         label = furniture.kinds()[kind].label
-        tint = like.tint if like else draw_tint(self.rng, 0.12 if label in _GROWS else 1.0)
+        tint = like.tint if like else Tint.draw(self.rng, 0.12 if label in _GROWS else 1.0)
         item = Placed(len(self.placed) + 1, label, model, pose, z_m, tint, kind)
         return item if self.settle(item, room, tuple(other.id for other in ignore), spare_m) else None
 

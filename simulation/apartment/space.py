@@ -66,7 +66,7 @@ class Floor:
             self._free |= self._inside(hole.rectangle)
         for leaf in plan.leaves:
             self._free &= ~self._inside(leaf)
-        self._doors = [self._cell(*_middle(door.rectangle)) for door in plan.doorways]
+        self._doors = [_middle_cell(door.rectangle) for door in plan.doorways]
         self._rooms = [self._inside(room.rectangle) for room in plan.rooms]
         self._least = [
             max(_REACH_M2, _REACH_SHARE * (room.x1 - room.x0) * (room.y1 - room.y0)) / _CELL_M**2 for room in plan.rooms
@@ -107,10 +107,7 @@ class Floor:
         x0, y0, x1, y1 = rectangle
         return (self._x > x0) & (self._x < x1) & (self._y > y0) & (self._y < y1)
 
-    def _cell(self, x_m: float, y_m: float) -> tuple[int, int]:
-        return int(y_m / _CELL_M), int(x_m / _CELL_M)
 
-
-def _middle(rectangle: Rectangle) -> tuple[float, float]:
+def _middle_cell(rectangle: Rectangle) -> tuple[int, int]:
     x0, y0, x1, y1 = rectangle
-    return (x0 + x1) / 2.0, (y0 + y1) / 2.0
+    return int((y0 + y1) / 2.0 / _CELL_M), int((x0 + x1) / 2.0 / _CELL_M)

@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import Probes
-from edgemap.simulation.robot.motion import SampledDrive
+from edgemap.simulation.robot.motion import Sampled
 
 # Time that a lamp takes to switch.
 _SWITCH_S = 0.15
@@ -57,10 +57,8 @@ _STEP_S = 0.02
 _AHEAD_M = 1.2
 
 
-def light_levels(probes: Probes | None, poses: Array) -> tuple[Array, Array]:
+def light_levels(probes: Probes, poses: Array) -> tuple[Array, Array]:
     """Mean light in full daylight and with all lamps on, ahead of base poses (N, 3): irradiance / pi, (N,) each."""
-    if probes is None:
-        return np.full(len(poses), _GOOD_LEVEL), np.full(len(poses), _GOOD_LEVEL)
     ahead = poses[:, :2] + _AHEAD_M * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
     at = ((ahead - probes.corner_m[:2]) / probes.step_m[:2]).T
     day, lamp = (
@@ -74,7 +72,7 @@ def settled_gain(level: Array) -> Array:
     return np.clip((np.asarray(level) / _GOOD_LEVEL + 1e-4) ** -_SHARE, _LEAST, _MOST)
 
 
-def gains(probes: Probes | None, script: LightScript, motion: SampledDrive, stamps_s: Array, lag_s: float) -> Array:
+def gains(probes: Probes, script: LightScript, motion: Sampled, stamps_s: Array, lag_s: float) -> Array:
     """Exposure gains (N,) at increasing stamps of a drive. The gain approaches `settled_gain` exponentially.
 
     lag_s: time constant of the logarithm of the gain, s.

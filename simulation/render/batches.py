@@ -51,11 +51,6 @@ class Batch:
     count: int
     corners: Array
 
-    @property
-    def see_through(self) -> bool:
-        """True where it is blended over what stands behind."""
-        return self.material.opacity < 0.99
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Packed:
@@ -82,8 +77,6 @@ def pack_parts(parts: Sequence[LitPart]) -> Packed:
         indices.append((inverse + sum(map(len, vertices))).astype(np.uint32))
         vertices.append(rows[keep])
         first += len(rows)
-    if not batches:
-        return Packed(np.zeros(0, CORNERS), np.zeros(0, np.uint32), ())
     return Packed(np.concatenate(vertices), np.concatenate(indices), tuple(batches))
 
 
@@ -107,19 +100,18 @@ def _drawn_alike(lit: LitPart) -> tuple[Any, ...]:
     cell = ()
     if lit.id == ROOM_ID:
         cell = tuple(np.floor(lit.part.positions.reshape(-1, 3).mean(axis=0) / _CELL_M).astype(int))
-    see_through = material.opacity if material.opacity < 0.99 else 1.0
-    return lit.id, cell, id(material.texture), round(material.gloss, 2), see_through, material.emission, material.group
+    opacity = material.opacity if material.see_through else 1.0
+    return lit.id, cell, id(material.texture), round(material.gloss, 2), opacity, material.emission, material.group
 
 
 def _corner_rows(lit: LitPart) -> NDArray[Any]:
-    part, dark = lit.part, np.zeros((1, 3), dtype=np.float32)
+    part = lit.part
     rows = np.zeros(3 * len(part.positions), CORNERS)
     rows["position"], rows["uv"] = part.positions.reshape(-1, 3), part.uv.reshape(-1, 2)
     rows["normal"][:, :3] = np.round(part.normals.reshape(-1, 3) * 127.0)
     rows["tint"][:, :3] = _encoded(part.material.colour)
     rows["lamp_front"], rows["lamp_back"] = lit.front.reshape(-1, 3), lit.back.reshape(-1, 3)
-    rows["day_front"] = dark if lit.day_front is None else lit.day_front.reshape(-1, 3)
-    rows["day_back"] = dark if lit.day_back is None else lit.day_back.reshape(-1, 3)
+    rows["day_front"], rows["day_back"] = lit.day_front.reshape(-1, 3), lit.day_back.reshape(-1, 3)
     return rows
 
 

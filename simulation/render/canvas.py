@@ -15,10 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.simulation.errors import SimulationError, require
+from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.batches import Batch, Packed, SurfaceKind
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.render.scene import ROOM_ID
 
 LAMPS = 4
 THREE_OF_FOUR = {"normal": "3i1 1x", "tint": "3f1 1x"}  # moderngl's formats of bytes; a tint's are 0..1
@@ -43,8 +42,9 @@ class RenderTarget:
     """One OpenGL context with its programs and textures. Raises SimulationError if OpenGL is missing."""
 
     def __init__(self) -> None:
-        self.gl = require("moderngl")
-        self.context = _context(self.gl)
+        import moderngl
+
+        self.gl, self.context = moderngl, _context(moderngl)
         self._programs: dict[SurfaceKind, Any] = {}
         self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
         self.silhouette = self.context.program(*shader("silhouette"))
@@ -156,13 +156,10 @@ def _context(moderngl: Any) -> Any:
         ) from None
 
 
-# One byte per pixel identifies the objects of one picture.
-_MOST_OBJECTS = 254
-
-
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """One batch to draw. meshes: contain its vertices. slot: its value in the id byte of a pixel.
+    """One batch to draw. meshes: contain its vertices. slot: its object's number among those of the picture, below 255;
+    0 is the room.
 
     clip: (4, 4), transform from the frame of the batch to clip coordinates. eye: (3,), position of the camera in the
     frame of the batch, metres. home: (4, 4), transform from the frame of the batch to the home, for moving objects.
@@ -174,23 +171,3 @@ class Draw:
     clip: Array
     eye: Array
     home: Array | None = None
-
-
-class Slots:
-    """Maps the object ids of one picture to bytes; 0 is the room."""
-
-    def __init__(self) -> None:
-        self._names, self._slots = [ROOM_ID], {ROOM_ID: 0}
-
-    def of(self, id_: int) -> int:
-        """The byte of an id. Ids beyond the limit get the byte of the room."""
-        if id_ not in self._slots:
-            if len(self._names) > _MOST_OBJECTS:
-                return 0
-            self._slots[id_] = len(self._names)
-            self._names.append(id_)
-        return self._slots[id_]
-
-    def ids(self, slots: NDArray[np.uint8]) -> NDArray[np.int32]:
-        """Converts bytes back to ids."""
-        return np.array(self._names, dtype=np.int32)[slots]

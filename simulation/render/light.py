@@ -59,16 +59,15 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
     surfaces = [SurfacePoints(surface, settings.texel_m, settings.gather_m, rng) for surface in scene.surfaces]
     solids = SolidPoints(scene.solids, settings.vertex_spacing_m, settings.cluster_m)
     corner, step, shape, air = probe_grid(scene)
-    reflecting = [part for surface in surfaces for part in [surface.reflector()]] + [solids.reflector()]
+    reflecting = [*(surface.reflector() for surface in surfaces), solids.reflector()]
     tracer = Raytracer(np.concatenate([part.triangles for part in reflecting]))
-    trim = [solid.mesh.triangles() for solid in scene.solids if solid.id == ROOM_ID and solid.mesh.parts]
-    buried_by = Raytracer(np.concatenate(trim)) if trim else None
+    trim = Raytracer(np.concatenate([solid.mesh.triangles() for solid in scene.solids if solid.id == ROOM_ID]))
     # All in one go: most surfaces are too small to be shared out to the processors by themselves.
     everywhere = Points.joined([*(surface.fine for surface in surfaces), air, solids.points])
     ends = np.cumsum([len(surface.fine) for surface in surfaces], dtype=np.int64)
     *direct_maps, elsewhere = np.split(_direct(tracer, everywhere, scene, settings.lamp_samples), ends)
     for surface in surfaces:
-        surface.hide(buried_by, _BURIED_M)
+        surface.hide(trim, _BURIED_M)
     gathering = Points.joined([*(surface.coarse for surface in surfaces), air, solids.points])
     direct = np.concatenate(
         [surface.coarsened(light) for surface, light in zip(surfaces, direct_maps, strict=True)] + [elsewhere]

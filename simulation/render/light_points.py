@@ -62,17 +62,14 @@ class SurfacePoints:
         self.coarse_shape = min(rows, self.shape[0]), min(columns, self.shape[1])
         self.fine = self._texels(self.shape, rng)
         self.coarse = self._texels(self.coarse_shape, rng)
-        self._open = np.ones(self.shape, dtype=bool)
-        self._coarse_open = np.ones(self.coarse_shape, dtype=bool)
 
-    def hide(self, trim: Raytracer | None, reach_m: float) -> None:
+    def hide(self, trim: Raytracer, reach_m: float) -> None:
         """Leave out the texels that trim (skirting, frames) covers, for their darkness would show beside it."""
-        if trim is not None:
-            ends = self.fine.positions + self.fine.normals * np.float32(reach_m)
-            self._open = trim.visible(self.fine.positions, self.fine.normals, ends).reshape(self.shape)
-            ends = self.coarse.positions + self.coarse.normals * np.float32(reach_m)
-            shown = trim.visible(self.coarse.positions, self.coarse.normals, ends)
-            self._coarse_open = shown.reshape(self.coarse_shape)
+        ends = self.fine.positions + self.fine.normals * np.float32(reach_m)
+        self._open = trim.visible(self.fine.positions, self.fine.normals, ends).reshape(self.shape)
+        ends = self.coarse.positions + self.coarse.normals * np.float32(reach_m)
+        shown = trim.visible(self.coarse.positions, self.coarse.normals, ends)
+        self._coarse_open = shown.reshape(self.coarse_shape)
 
     def coarsened(self, light: Light) -> Light:
         """Light at coarse texels (M, 6) from that at fine ones (N, 6)."""
@@ -154,9 +151,6 @@ class SolidPoints:
 
     def reflector(self) -> Reflector:
         """Triangles of the solids. The front is where the shading normals point, independent of the winding."""
-        if not self._parts:
-            none = np.zeros((0, 3), dtype=np.int64)
-            return Reflector(np.zeros((0, 3, 3)), none, none, np.zeros((0, 3)))
         triangles = np.concatenate([part.positions for _, part in self._parts])
         normals = np.concatenate([part.normals.mean(axis=1) for _, part in self._parts])
         wound = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
@@ -173,8 +167,6 @@ class SolidPoints:
 
     def lit(self, light: Light) -> list[LitPart]:
         """The parts with the light (2 N, 6) of their points, blended between the nearest ones that face alike."""
-        if not self._parts:
-            return []
         keys = np.concatenate([self._positions / self._cluster_m, self._normals * _NORMAL_WEIGHT], axis=1)
         nearest = min(4, self._count)
         distance, index = KDTree(keys[self._chosen]).query(keys, k=nearest, workers=-1)
@@ -196,7 +188,7 @@ class SolidPoints:
 
 def probe_grid(scene: Scene) -> tuple[Array, Array, tuple[int, int, int], Points]:
     """Small cubes in mid-air over all surfaces: corner and step (3,) in metres, shape, and their faces as points."""
-    ends = [s.corner + a * s.u + b * s.v for s in scene.surfaces for a in (0, 1) for b in (0, 1)] or [np.zeros(3)]
+    ends = [s.corner + a * s.u + b * s.v for s in scene.surfaces for a in (0, 1) for b in (0, 1)]
     low, high = np.min(ends, axis=0), np.max(ends, axis=0)
     counts = np.maximum(np.ceil((high - low)[:2] / _PROBE_STEP_M).astype(int), 1)
     corner = np.array([*(low[:2] + _PROBE_STEP_M / 2.0), low[2] + _PROBE_HEIGHT_M])
@@ -214,8 +206,6 @@ def _fine(part: Part, longest_m: float) -> Part:
 
 
 def _flat(arrays: Sequence[Array]) -> Light:
-    if not arrays:
-        return np.zeros((0, 3), dtype=np.float32)
     return np.concatenate([array.reshape(-1, 3) for array in arrays]).astype(np.float32)
 
 

@@ -28,6 +28,11 @@ class Material:
     group: LightGroup = "lamp"
 
     @property
+    def see_through(self) -> bool:
+        """True where it is blended over what stands behind."""
+        return self.opacity < 0.99
+
+    @property
     def cut_out(self) -> bool:
         """True where the texture has holes (leaves, lattice)."""
         return self.texture is not None and bool((self.texture[..., 3] < 128).any())

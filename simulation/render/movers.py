@@ -46,19 +46,10 @@ def stand(points: Array) -> tuple[float, float, float, float]:
     return float(middle[0]), float(middle[1]), float(half[0]), float(half[1])
 
 
-def mid_air_light(probes: Probes | None, points: Array, normals: Array) -> tuple[Array, Array]:
-    """Lamp and day light (N, 3) at points with normals (N, 3) of one mover, in the home frame; an even gloom where
-    there are no probes."""
-    if probes is None:
-        gloom = np.full(points.shape, 0.2)
-        return gloom, gloom
-    lamp, day = (_irradiance(probes, light, points, normals) for light in (probes.lamp, probes.day))
-    return lamp, day
-
-
-def _irradiance(probes: Probes, light: NDArray[np.float32], points: Array, normals: Array) -> Array:
-    """Light (N, 3) at points: up the mover's height, from the probes round its middle; faces weighted by the squared
-    normal (an ambient cube, Source engine 2004)."""
+def mid_air_light(probes: Probes, light: NDArray[np.float32], points: Array, normals: Array) -> Array:
+    """Light (N, 3) at points with normals (N, 3) of one mover, in the home frame. light: the probes' own of the lamps
+    or of the day. Up the mover's height, from the probes round its middle; faces weighted by the squared normal (an
+    ambient cube, Source engine 2004)."""
     middle = points.mean(axis=0)
     heights = probes.corner_m[2] + probes.step_m[2] * np.arange(light.shape[2])
     at = (np.broadcast_to(middle, (len(heights), 3)) - probes.corner_m) / probes.step_m
@@ -81,7 +72,7 @@ def _irradiance(probes: Probes, light: NDArray[np.float32], points: Array, norma
 class Moving:
     """The shapes of movers so far. probes: the light in mid-air."""
 
-    def __init__(self, canvas: RenderTarget, probes: Probes | None) -> None:
+    def __init__(self, canvas: RenderTarget, probes: Probes) -> None:
         self._canvas, self._probes = canvas, probes
         self._known: dict[int, tuple[Mesh, Meshes]] = {}
 
@@ -89,7 +80,7 @@ class Moving:
         """A mover's mesh, sent when first asked for."""
         if id(mesh) not in self._known:
             dark = [np.zeros(part.positions.shape, dtype=np.float32) for part in mesh.parts]
-            packed = pack_parts([LitPart(1, part, d, d) for part, d in zip(mesh.parts, dark, strict=True)])
+            packed = pack_parts([LitPart(1, part, d, d, d, d) for part, d in zip(mesh.parts, dark, strict=True)])
             # The mesh is kept too, so that its id stays its own.
             self._known[id(mesh)] = mesh, Meshes(self._canvas, packed)
         return self._known[id(mesh)][1]
@@ -100,13 +91,10 @@ class Moving:
         meshes = self.meshes(mover.mesh)
         rows = meshes.packed.vertices
         turn = home_mover[:3, :3]
-        lamp, day = mid_air_light(
-            self._probes,
-            rows["position"].astype(np.float64) @ turn.T + home_mover[:3, 3],
-            rows["normal"][:, :3] / 127.0 @ turn.T,
-        )
-        rows["lamp_front"] = rows["lamp_back"] = lamp
-        rows["day_front"] = rows["day_back"] = day
+        points = rows["position"].astype(np.float64) @ turn.T + home_mover[:3, 3]
+        normals = rows["normal"][:, :3] / 127.0 @ turn.T
+        for group, light in (("lamp", self._probes.lamp), ("day", self._probes.day)):
+            rows[f"{group}_front"] = rows[f"{group}_back"] = mid_air_light(self._probes, light, points, normals)
         meshes.vertices.write(rows.tobytes())
         eye = np.asarray(np.linalg.inv(home_mover) @ [*view.position_home_m, 1.0], dtype=np.float64)
         return [Draw(meshes, batch, slot, clip @ home_mover, eye[:3], home_mover) for batch in meshes.packed.batches]

@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from edgemap.simulation.errors import require
 from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, srgb_to_linear
 
 _LARGEST_TEXTURE_PX = 512
@@ -49,9 +48,7 @@ def _parse(
     materials: dict[str, Material] = {}
     current = ""
     for line in archive.read(path).decode("latin1").splitlines():
-        words = line.split()
-        if not words:
-            continue
+        words = line.split() or [""]
         if words[0] in rows:
             rows[words[0]].append([float(word) for word in words[1:4]])
         elif words[0] == "usemtl":
@@ -60,9 +57,9 @@ def _parse(
             materials |= _read_mtl(archive, posixpath.join(posixpath.dirname(path), " ".join(words[1:])))
         elif words[0] == "f":
             for word in words[1:]:
-                if word not in numbers or "-" in word:
+                if word not in numbers:
                     numbers[word] = len(corners)
-                    corners.append(_corner(word, rows))
+                    corners.append(_corner(word))
             first, *rest = (numbers[word] for word in words[1:])
             fan = faces.setdefault(current, [])
             for pair in pairwise(rest):
@@ -74,11 +71,10 @@ def _parse(
     return np.array(rows["v"]), coordinates, normals, indices, materials
 
 
-def _corner(word: str, rows: dict[str, list[list[float]]]) -> tuple[int, ...]:
-    """`v/vt/vn` as zero-based indices, -1 where absent; negative numbers count from the end, as the format allows."""
-    numbers = [int(text) for text in word.replace("//", "/0/").split("/")]
-    padded = (*numbers, 0, 0)[:3]
-    return tuple(n - 1 if n >= 0 else len(given) + n for n, given in zip(padded, rows.values(), strict=True))
+def _corner(word: str) -> tuple[int, ...]:
+    """`v/vt/vn` as zero-based indices, -1 where absent. Numbers that count from the end are in none of the models."""
+    numbers = [int(text) - 1 for text in word.replace("//", "/0/").split("/")]
+    return (*numbers, -1, -1)[:3]
 
 
 def _part(vertices: Array, coordinates: Array, normals: Array, face: np.ndarray, material: Material) -> Part | None:
@@ -113,7 +109,7 @@ def _smoothed(corners: np.ndarray, flat: Array) -> Array:
 def _read_mtl(archive: zipfile.ZipFile, path: str) -> dict[str, Material]:
     try:
         text = archive.read(posixpath.normpath(path)).decode("latin1")
-    except KeyError:
+    except KeyError:  # some models name a file that is not there
         return {}
     entries: dict[str, dict[str, list[str]]] = {}
     current: dict[str, list[str]] = {}
@@ -141,7 +137,9 @@ def _texture(archive: zipfile.ZipFile, path: str) -> np.ndarray | None:
     found = names.get(posixpath.normpath(path).lower())
     if found is None:
         return None
-    image = require("PIL.Image").open(io.BytesIO(archive.read(found))).convert("RGBA")
+    from PIL import Image
+
+    image = Image.open(io.BytesIO(archive.read(found))).convert("RGBA")
     image.thumbnail((_LARGEST_TEXTURE_PX, _LARGEST_TEXTURE_PX))
     return np.asarray(image, dtype=np.uint8)
 

@@ -34,10 +34,10 @@ class Painter:
         target.clear(0.0, 0.0, 0.0, 0.0)
         self._canvas.context.enable_only(self._canvas.gl.DEPTH_TEST)
         for draw in draws:
-            if not draw.batch.see_through:
+            if not draw.batch.material.see_through:
                 self._colour(draw, light, exposure, draw.slot / 255.0)
         self._shadows(target, shadows)
-        self._see_through(target, [draw for draw in draws if draw.batch.see_through], light, exposure)
+        self._see_through(target, [draw for draw in draws if draw.batch.material.see_through], light, exposure)
 
     def _shadows(self, target: Any, shadows: Iterable[tuple[Array, _Place]]) -> None:
         gl, context = self._canvas.gl, self._canvas.context

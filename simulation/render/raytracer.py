@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.simulation.errors import require
 from edgemap.simulation.render.mesh import Array
 
 _OFFSET_M = 0.003
@@ -20,13 +19,14 @@ class Raytracer:
     """A search tree of triangles (T, 3, 3), metres, for ray queries."""
 
     def __init__(self, triangles: Array) -> None:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
         self.triangles = triangles
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         self.normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
-        scene = require("embreex.rtcore_scene")
-        construction = require("embreex.mesh_construction")
-        self._scene = scene.EmbreeScene()
-        self._mesh = construction.TriangleMesh(self._scene, np.ascontiguousarray(triangles, dtype=np.float32))
+        self._scene = EmbreeScene()
+        self._mesh = TriangleMesh(self._scene, np.ascontiguousarray(triangles, dtype=np.float32))
         # The first ray builds the search tree, which threads must not do at once.
         self.visible(np.zeros((1, 3)), np.zeros((1, 3)), np.ones((1, 3)))
 

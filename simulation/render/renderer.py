@@ -14,16 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.simulation.render.canvas import DISPLAY, Draw, RenderTarget, Slots, depth_of, release
-from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.render.canvas import DISPLAY, Draw, RenderTarget, depth_of, release
 from edgemap.simulation.render.movers import Mover, Moving
 from edgemap.simulation.render.painter import Painter
-from edgemap.simulation.render.scene import LightMix, LitScene
+from edgemap.simulation.render.scene import ROOM_ID, LightMix, LitScene
 from edgemap.simulation.render.still import Still
 from edgemap.simulation.render.view import Lens, View, clip_matrix, metres, oversampled
 from edgemap.simulation.render.whole import Wholes
-
-_TIMES = 2  # rows and columns drawn for each of the picture
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,9 +34,7 @@ class RenderedFrame:
 
 
 class Renderer:
-    """Draws one lit scene through one camera, bent lens or not. Raises SimulationError where OpenGL is missing or a
-    lens cannot be drawn.
-    """
+    """Draws one lit scene through one camera, bent lens or not. Raises SimulationError where OpenGL is missing."""
 
     def __init__(self, scene: LitScene, intrinsics: Intrinsics) -> None:
         self._canvas = RenderTarget()
@@ -53,10 +48,10 @@ class Renderer:
         self.use_lens(intrinsics)
 
     def use_lens(self, intrinsics: Intrinsics) -> None:
-        """Change the camera; the scene stays as it is. Raises SimulationError for a lens that cannot be drawn."""
+        """Change the camera; the scene stays as it is."""
         lens = Lens(intrinsics)
         self.intrinsics, self._lens = intrinsics, lens
-        self._pinhole = oversampled(lens.pinhole, _TIMES)
+        self._pinhole = oversampled(lens.pinhole)
         size = (self._pinhole.width, self._pinhole.height)
         if self._fine is None or self._fine.size != size:
             with self._canvas.context:
@@ -75,11 +70,15 @@ class Renderer:
         movers = tuple(movers)
         with self._canvas.context:
             clip = clip_matrix(view, self._pinhole)
-            slots = Slots()
-            draws = self._visible(view, clip, movers, slots)
+            eye, slots = view.position_home_m, {ROOM_ID: 0}
+            draws: list[Draw] = []  # movers, then near batches first
+            for mover in movers:
+                draws += self._moving.placed(view, clip, mover, slots.setdefault(mover.id, len(slots)))
+            for meshes, batch in self._still.in_view(clip):
+                draws.append(Draw(meshes, batch, slots.setdefault(batch.id, len(slots)), clip, eye))
             self._still.light(light)
             self._painter.paint(self._fine, draws, self._moving.shadows(clip, movers), light, exposure)
-            return self._read(slots)
+            return self._read(list(slots))
 
     def whole(
         self, view: View, ids: Sequence[int], movers: Iterable[Mover] = ()
@@ -99,21 +98,13 @@ class Renderer:
         """Releases the OpenGL context."""
         self._canvas.close()
 
-    def _visible(self, view: View, clip: Array, movers: tuple[Mover, ...], slots: Slots) -> list[Draw]:
-        """What to draw: movers, then near batches first."""
-        draws = [draw for mover in movers for draw in self._moving.placed(view, clip, mover, slots.of(mover.id))]
-        eye = view.position_home_m
-        draws += [Draw(meshes, batch, slots.of(batch.id), clip, eye) for meshes, batch in self._still.in_view(clip)]
-        return draws
-
-    def _read(self, slots: Slots) -> RenderedFrame:
+    def _read(self, ids: list[int]) -> RenderedFrame:
+        """The picture that was drawn. ids: of its slots."""
         size = (self._pinhole.height, self._pinhole.width)
         raw = np.frombuffer(self._fine.read(components=4, alignment=1), dtype=np.uint8).reshape(*size, 4)
         depth = depth_of(self._fine)
         small = cv2.pyrDown(raw, dstsize=(self._lens.pinhole.width, size[0] // 2))
         colour = cv2.LUT(np.ascontiguousarray(small[..., :3]), DISPLAY)
-        exact_slots = self._lens.exact(raw[..., 3], _TIMES)
-        exact_depth = self._lens.exact(depth, _TIMES)
-        return RenderedFrame(
-            self._lens.colour(np.asarray(colour, dtype=np.uint8)), slots.ids(exact_slots), metres(exact_depth)
-        )
+        exact_ids = np.array(ids, dtype=np.int32)[self._lens.exact(raw[..., 3])]
+        exact_depth = self._lens.exact(depth)
+        return RenderedFrame(self._lens.colour(np.asarray(colour, dtype=np.uint8)), exact_ids, metres(exact_depth))

@@ -93,14 +93,14 @@ class Scene:
 @dataclass(frozen=True, slots=True, eq=False)
 class LitPart:
     """A part of a solid with light kept at its corners: irradiance / pi (T, 3, 3) on the front (where the normals
-    point) and on the back. front, back: of the lamps; day_front, day_back: of the day, None where there is none."""
+    point) and on the back. front, back: of the lamps; day_front, day_back: of the day."""
 
     id: int
     part: Part
     front: NDArray[np.float32]
     back: NDArray[np.float32]
-    day_front: NDArray[np.float32] | None = None
-    day_back: NDArray[np.float32] | None = None
+    day_front: NDArray[np.float32]
+    day_back: NDArray[np.float32]
 
 
 class LitSurface(NamedTuple):
@@ -131,4 +131,4 @@ class LitScene:
     surfaces: tuple[LitSurface, ...]
     parts: tuple[LitPart, ...]
     lights: tuple[AreaLight, ...]
-    probes: Probes | None = None
+    probes: Probes

@@ -15,20 +15,21 @@ _WIDTH = 1024  # of the atlas
 
 
 class Still:
-    """All of a lit scene that never moves. parts: the meshes of its solids, None where there are none."""
+    """All of a lit scene that never moves. parts: the meshes of its solids."""
 
     def __init__(self, canvas: RenderTarget, scene: LitScene) -> None:
         self._light: LightMix | None = None
         self._atlas = Atlas(scene.surfaces)
         self._light_map = canvas.context.texture(self._atlas.size, 4, dtype="f2")
         self._light_map.repeat_x = self._light_map.repeat_y = False
-        self.parts = Meshes(canvas, pack_parts(scene.parts)) if scene.parts else None
-        walls = Meshes(canvas, pack_surfaces(scene.surfaces, self._atlas.places)) if scene.surfaces else None
-        some = [meshes for meshes in (self.parts, walls) if meshes is not None]
-        self._all = [(meshes, batch) for meshes in some for batch in meshes.packed.batches]
+        self.parts = Meshes(canvas, pack_parts(scene.parts))
+        self._all = [(self.parts, batch) for batch in self.parts.packed.batches]
+        if scene.surfaces:
+            walls = Meshes(canvas, pack_surfaces(scene.surfaces, self._atlas.places))
+            self._all += [(walls, batch) for batch in walls.packed.batches]
         self._corners = np.array([batch.corners for _, batch in self._all]).reshape(-1, 8, 3)
         self._batches_of: dict[int, list[Batch]] = {}
-        for batch in self.parts.packed.batches if self.parts else ():
+        for batch in self.parts.packed.batches:
             self._batches_of.setdefault(batch.id, []).append(batch)
 
     def batches_of(self, id_: int) -> list[Batch]:
@@ -38,11 +39,10 @@ class Still:
     def points(self) -> dict[int, Array]:
         """Corners (N, 3) of every object, metres in the home."""
         points: dict[int, list[Array]] = {}
-        if self.parts is not None:
-            packed = self.parts.packed
-            for batch in packed.batches:
-                used = np.unique(packed.indices[batch.first : batch.first + batch.count])
-                points.setdefault(batch.id, []).append(packed.vertices["position"][used].astype(np.float64))
+        packed = self.parts.packed
+        for batch in packed.batches:
+            used = np.unique(packed.indices[batch.first : batch.first + batch.count])
+            points.setdefault(batch.id, []).append(packed.vertices["position"][used].astype(np.float64))
         return {id_: np.concatenate(some) for id_, some in points.items() if id_ != ROOM_ID}
 
     def in_view(self, clip: Array) -> list[tuple[Meshes, Batch]]:

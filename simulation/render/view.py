@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 
 NEAR_M, FAR_M = 0.05, 40.0
+TIMES = 2  # rows and columns drawn for each of the picture
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,17 +63,10 @@ def metres(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     )
 
 
-def oversampled(intrinsics: Intrinsics, times: int) -> Intrinsics:
-    """A pinhole with `times` as many columns and rows whose pixel (n u, n v) looks where (u, v) looked."""
-    return replace(
-        intrinsics,
-        width=times * intrinsics.width,
-        height=times * intrinsics.height,
-        fx=times * intrinsics.fx,
-        fy=times * intrinsics.fy,
-        cx=times * intrinsics.cx,
-        cy=times * intrinsics.cy,
-    )
+def oversampled(pinhole: Intrinsics) -> Intrinsics:
+    """A pinhole with TIMES as many columns and rows whose pixel (n u, n v) looks where (u, v) looked."""
+    names = ("width", "height", "fx", "fy", "cx", "cy")
+    return replace(pinhole, **{name: TIMES * getattr(pinhole, name) for name in names})
 
 
 def clip_matrix(view: View, intrinsics: Intrinsics) -> Array:
@@ -86,7 +79,6 @@ def clip_matrix(view: View, intrinsics: Intrinsics) -> Array:
 
 # The lens is worked out on a grid this wide and interpolated: exact to about a thousandth of a pixel.
 _GRID_PX = 4
-_WIDEST = 3.0
 # cv2.remap's second map, which whole numbers make superfluous.
 _NO_MAP: Any = None
 
@@ -94,8 +86,8 @@ _NO_MAP: Any = None
 class Lens:
     """A camera as a pinhole picture and the way from it to the bent one.
 
-    pinhole: the camera to draw with. area_px: (H, W), how many pinhole pixels one bent pixel stands for.
-    Raises SimulationError for a lens that folds the picture or needs more than three times its width or height.
+    pinhole: the camera to draw with. area_px: (H, W), how many pinhole pixels one bent pixel stands for. Lenses that
+    fold the picture, or bend it more than a wide pinhole holds, are none of the envelope's.
     """
 
     def __init__(self, intrinsics: Intrinsics) -> None:
@@ -103,7 +95,6 @@ class Lens:
         self.is_identity = intrinsics.distortion.is_identity
         self.pinhole = intrinsics
         self.area_px: NDArray[np.float32] | None = None
-        self._nearest: dict[int, NDArray[np.int16]] = {}
         if not self.is_identity:
             self._bend()
 
@@ -114,34 +105,24 @@ class Lens:
         column_row, fraction = self._at
         return np.asarray(cv2.remap(picture, column_row, fraction, cv2.INTER_CUBIC), dtype=np.uint8)
 
-    def exact(self, values: NDArray[np.uint8] | NDArray[np.float32], oversampling: int) -> np.ndarray:
-        """Nearest values for the bent picture out of an oversampled pinhole picture (rows * n, columns * n) whose
-        every n-th row and column goes through pixel centres; for ids and depth."""
+    def exact(self, values: NDArray[np.uint8] | NDArray[np.float32]) -> np.ndarray:
+        """Nearest values for the bent picture out of the oversampled pinhole picture, whose every TIMES-th row and
+        column goes through pixel centres; for ids and depth."""
         if self.is_identity:
-            return np.ascontiguousarray(values[::oversampling, ::oversampling])
-        if oversampling not in self._nearest:
-            at = np.round(self._where * oversampling)
-            limit = np.array([self.pinhole.width, self.pinhole.height]) * oversampling - 1
-            self._nearest[oversampling] = np.clip(at, 0, limit).astype(np.int16)
-        return np.asarray(cv2.remap(values, self._nearest[oversampling], _NO_MAP, cv2.INTER_NEAREST))
+            return np.ascontiguousarray(values[::TIMES, ::TIMES])
+        return np.asarray(cv2.remap(values, self._nearest, _NO_MAP, cv2.INTER_NEAREST))
 
     def _bend(self) -> None:
         intrinsics = self.intrinsics
         columns, rows = (np.arange(0, n + _GRID_PX, _GRID_PX) for n in (intrinsics.width, intrinsics.height))
         grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
         ideal = intrinsics.rays(grid)[:, :2]
-        again = intrinsics.project(np.column_stack([ideal, np.ones(len(ideal))]))
-        inside = (grid <= [intrinsics.width, intrinsics.height]).all(axis=1)
-        if np.abs(again - grid)[inside].max() > 0.1 or np.abs(ideal[inside]).max() > _WIDEST:
-            raise SimulationError(f"lens distortion {list(intrinsics.distortion.coefficients)} folds the picture")
         focal, centre = np.array([intrinsics.fx, intrinsics.fy]), np.array([intrinsics.cx, intrinsics.cy])
         at = (ideal * focal + centre).reshape(len(rows), len(columns), 2)
         dense = _dense(at, intrinsics.height, intrinsics.width)
         low = np.floor(dense.reshape(-1, 2).min(axis=0)).astype(int) - 2
         high = np.ceil(dense.reshape(-1, 2).max(axis=0)).astype(int) + 3
         width, height = (int(n) for n in high - low)
-        if width > _WIDEST * intrinsics.width or height > _WIDEST * intrinsics.height:
-            raise SimulationError(f"lens distortion {list(intrinsics.distortion.coefficients)} is too strong to draw")
         self.pinhole = replace(
             intrinsics,
             width=width,
@@ -150,11 +131,11 @@ class Lens:
             cy=intrinsics.cy - float(low[1]),
             distortion=Distortion(),
         )
-        self._where = dense - low
-        self._at = cv2.convertMaps(
-            self._where[..., 0].astype(np.float32), self._where[..., 1].astype(np.float32), cv2.CV_16SC2
-        )
-        (du_dv, du_du), (dv_dv, dv_du) = (np.gradient(self._where[..., axis]) for axis in (0, 1))
+        where = dense - low
+        self._at = cv2.convertMaps(where[..., 0].astype(np.float32), where[..., 1].astype(np.float32), cv2.CV_16SC2)
+        limit = np.array([width, height]) * TIMES - 1
+        self._nearest = np.clip(np.round(where * TIMES), 0, limit).astype(np.int16)
+        (du_dv, du_du), (dv_dv, dv_du) = (np.gradient(where[..., axis]) for axis in (0, 1))
         self.area_px = np.abs(du_du * dv_dv - du_dv * dv_du).astype(np.float32)
 
 

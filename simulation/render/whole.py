@@ -14,7 +14,7 @@ from edgemap.simulation.render.movers import Mover, Moving
 from edgemap.simulation.render.still import Still
 from edgemap.simulation.render.view import NEAR_M, Lens, View, clip_matrix
 
-TILE_PX, COLUMNS, ROWS = 64, 16, 8
+TILE_PX, COLUMNS, ROWS = 64, 16, 8  # of the sheet: room for twice what is in a home
 # Objects that reach out of the picture are followed this far, as a factor on the picture's size.
 _REACH = 2.0
 _MANY = 500
@@ -87,24 +87,20 @@ class Wholes:
         """Boxes and areas, as `Renderer.whole` returns them. movers: by id."""
         pinhole = lens.pinhole
         clip = clip_matrix(view, pinhole)
-        boxes, areas = [], np.zeros(len(ids))
-        for start in range(0, len(ids), COLUMNS * ROWS):
-            some = ids[start : start + COLUMNS * ROWS]
-            self._sheet.use()
-            self._sheet.clear()
-            self._canvas.context.enable_only(self._canvas.gl.NOTHING)
-            windows = []
-            for number, id_ in enumerate(some):
-                ideal = self._outline(id_, view, movers)
-                boxes.append(_cut(ideal, lens))
-                windows.append(window(pixel_box(ideal, pinhole), pinhole))
-                row, column = divmod(number, COLUMNS)
-                self._sheet.viewport = (column * TILE_PX, row * TILE_PX, TILE_PX, TILE_PX)
-                self._alone(zoomed(clip, windows[-1], pinhole), id_, movers)
-            covered = filled(self._sheet.read(components=1, alignment=1), len(some))
-            sides = np.array(windows).reshape(-1, 2, 2)
-            areas[start : start + len(some)] = covered * np.prod(sides[:, 1] - sides[:, 0], axis=1)
-        return boxes, areas
+        self._sheet.use()
+        self._sheet.clear()
+        self._canvas.context.enable_only(self._canvas.gl.NOTHING)
+        boxes, windows = [], []
+        for number, id_ in enumerate(ids):
+            ideal = self._outline(id_, view, movers)
+            boxes.append(_cut(ideal, lens))
+            windows.append(window(pixel_box(ideal, pinhole), pinhole))
+            row, column = divmod(number, COLUMNS)
+            self._sheet.viewport = (column * TILE_PX, row * TILE_PX, TILE_PX, TILE_PX)
+            self._alone(zoomed(clip, windows[-1], pinhole), id_, movers)
+        covered = filled(self._sheet.read(components=1, alignment=1), len(ids))
+        sides = np.array(windows).reshape(-1, 2, 2)
+        return boxes, covered * np.prod(sides[:, 1] - sides[:, 0], axis=1)
 
     def _outline(self, id_: int, view: View, movers: dict[int, Mover]) -> Array:
         """An object's outermost points at unit depth of the optical frame; the axis itself where the object is behind
@@ -124,8 +120,6 @@ class Wholes:
             clip, batches = clip @ movers[id_].matrix_home_mover(), meshes.packed.batches
         else:
             meshes, batches = self._still.parts, self._still.batches_of(id_)
-        if meshes is None:
-            return
         program: Any = self._canvas.silhouette
         program["clip_home"].write(clip.T.astype("f4").tobytes())
         for batch in batches:

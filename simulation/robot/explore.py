@@ -5,7 +5,6 @@ least, for the time it takes, is driven. A drive is one endless stream: a longer
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from edgemap.geometry.se2 import wrap_angle
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot import motion
-from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Sampled
 from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 from edgemap.simulation.robot.router import Router
 
@@ -27,42 +26,26 @@ _APPROACH_M = (1.1, 2.2)
 # A path may begin with a bend instead of a turn on the spot up to this angle, over this distance.
 _BEND_RAD, _BEND_M = 1.9, 0.35
 _SIT_BACK_M = (0.2, 0.45)
-
-
-@dataclass(frozen=True, slots=True)
-class Habits:
-    """Probabilities of the robot's actions per leg."""
-
-    to_room: float = 0.3
-    over: float = 0.5
-    face: float = 0.6
-    look_about: float = 0.25
-    pause: float = 0.2
-    back_off: float = 0.2
+# Probabilities per leg: its goal is anywhere, not before a piece; it goes by a third place; what is done on arrival.
+_ANYWHERE, _OVER = 0.3, 0.5
+_FACE, _PAUSE, _LOOK_ABOUT, _BACK_OFF = 0.6, 0.2, 0.25, 0.2
 
 
 def drive(
-    grid: PlanGrid,
-    sight: VisibilityEstimate,
-    limits: Limits,
-    rng: np.random.Generator,
-    seconds: float,
-    habits: Habits | None = None,
-) -> SampledDrive:
+    grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, seconds: float
+) -> Sampled:
     """Explore for at least this long. Raises SimulationError where the home has no free floor, or no path leads on."""
-    explorer = _Explorer(grid, sight, limits, rng, habits or Habits())
+    explorer = _Explorer(grid, sight, limits, rng)
     moves, needed = [explorer.pose[None]], math.ceil(seconds / SAMPLE_S)
     while needed > 0:
         moves.append(explorer.next_leg())
         needed -= len(moves[-1])
-    return SampledDrive(np.concatenate(moves))
+    return Sampled(np.concatenate(moves))
 
 
 class _Explorer:
-    def __init__(
-        self, grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, habits: Habits
-    ) -> None:
-        self._grid, self._sight, self._limits, self._rng, self._habits = grid, sight, limits, rng, habits
+    def __init__(self, grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator) -> None:
+        self._grid, self._sight, self._limits, self._rng = grid, sight, limits, rng
         self._router = Router(grid, limits)
         self._seen_s = np.zeros(len(sight.ids))
         nodes = self._router.nodes_m[rng.integers(len(self._router.nodes_m), size=24)]
@@ -105,9 +88,9 @@ class _Explorer:
         )
 
     def _draw_leg(self, cost: Array, before: np.ndarray) -> Array | None:
-        rng, habits = self._rng, self._habits
+        rng = self._rng
         subject = None
-        if len(self._sight.ids) and rng.random() > habits.to_room:
+        if len(self._sight.ids) and rng.random() > _ANYWHERE:
             subject = self._draw_subject()
             goal = self._draw_spot_before(subject)
         else:
@@ -115,7 +98,7 @@ class _Explorer:
         if goal is None or not 0.5 < cost[goal] < 30.0:
             return None
         chain = self._router.chain(before, goal)
-        if rng.random() < habits.over:
+        if rng.random() < _OVER:
             over = int(rng.integers(len(self._router.nodes_m)))
             if cost[over] < cost[goal] + 2.0:
                 _, onward = self._router.reach(over)
@@ -158,14 +141,10 @@ class _Explorer:
         ahead = np.array([math.cos(yaw), math.sin(yaw)])
         look = points[min(len(points) - 1, 4)] - here
         off = abs(wrap_angle(math.atan2(look[1], look[0]) - yaw))
-        if off < _BEND_RAD:
-            far = np.linalg.norm(points - here, axis=1) > 1.6 * _BEND_M
-            bent = np.concatenate([here[None], (here + _BEND_M * ahead)[None], points[1:][far[1:]]])
-            path = self._router.rounded(bent) if far.any() else None
-            if path is None:
-                path = self._router.rounded(points)
-        else:
-            path = self._router.rounded(points)
+        path, far = None, np.linalg.norm(points - here, axis=1) > 1.6 * _BEND_M
+        if off < _BEND_RAD and far.any():
+            path = self._router.rounded(np.stack([here, here + _BEND_M * ahead, *points[1:][far[1:]]]))
+        path = self._router.rounded(points) if path is None else path
         if path is None:
             return None
         left = float(motion.headings(path, yaw)[0] - yaw)
@@ -174,7 +153,7 @@ class _Explorer:
 
     def _ending(self, pose: Array, subject: int | None) -> list[Array]:
         """What is done on arrival: face the piece, look about, stand, back off."""
-        rng, habits, limits = self._rng, self._habits, self._limits
+        rng, limits = self._rng, self._limits
         moves: list[Array] = []
 
         def add(move: Array) -> None:
@@ -183,18 +162,18 @@ class _Explorer:
                 moves.append(move)
                 pose = move[-1]
 
-        if subject is not None and rng.random() < habits.face:
+        if subject is not None and rng.random() < _FACE:
             apart = self._sight.middles_m[subject] - pose[:2]
             add(motion.turn(pose, wrap_angle(math.atan2(apart[1], apart[0]) - pose[2] + rng.normal(0.0, 0.12)), limits))
-        if rng.random() < habits.pause:
+        if rng.random() < _PAUSE:
             add(motion.stand(pose, rng.uniform(0.3, 1.2)))
-        if rng.random() < habits.look_about:
+        if rng.random() < _LOOK_ABOUT:
             side = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.0)
             add(motion.turn(pose, side, limits))
             if rng.random() < 0.4:
                 add(motion.turn(pose, -side * rng.uniform(1.2, 2.0), limits))
         back_m = rng.uniform(*_SIT_BACK_M)
-        if rng.random() < habits.back_off:
+        if rng.random() < _BACK_OFF:
             ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
             behind = pose[:2] - np.linspace(0.05, back_m, 8)[:, None] * ahead
             if self._grid.clearance_m(behind).min() > limits.radius_m + limits.margin_m:

@@ -12,8 +12,8 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.robot.motion import SAMPLE_S, SampledDrive
-from edgemap.simulation.robot.nodding import Tilts, lean
+from edgemap.simulation.robot.motion import SAMPLE_S, Sampled
+from edgemap.simulation.robot.nodding import lean
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +37,7 @@ class Wheels:
     slip_s: float = 0.4
 
 
-def wheel_odometry(
-    motion: SampledDrive, stamps_s: Array, rng: np.random.Generator, wheels: Wheels | None = None
-) -> Array:
+def wheel_odometry(motion: Sampled, stamps_s: Array, rng: np.random.Generator, wheels: Wheels | None = None) -> Array:
     """Rows (stamp_s, x_m, y_m, yaw_rad), (N, 4), at stamps (N,): the wheels' own integrated pose, from the identity.
 
     A wheel slips on the floor more readily while it is turning against the other one.
@@ -60,9 +58,8 @@ def wheel_odometry(
     yaw = np.concatenate([[0.0], np.cumsum(turn)])
     middle = yaw[:-1] + turn / 2.0
     x, y = (np.concatenate([[0.0], np.cumsum(ahead * part(middle))]) for part in (np.cos, np.sin))
-    time = np.arange(len(samples)) * SAMPLE_S
-    at = [np.interp(stamps_s, time, values) for values in (x, y, yaw)]
-    return np.array([(stamp, *SE2(*row).vector()) for stamp, *row in zip(stamps_s, *at, strict=True)])
+    poses = Sampled(np.stack([x, y, yaw], axis=1)).at(stamps_s)
+    return np.array([(stamp, *SE2(*row).vector()) for stamp, row in zip(stamps_s, poses, strict=True)])
 
 
 def _slip(amount: Array, rng: np.random.Generator, wheels: Wheels) -> Array:
@@ -103,8 +100,8 @@ class ImuErrors:
 
 
 def imu_samples(
-    motion: SampledDrive,
-    tilts: Tilts | None,
+    motion: Sampled,
+    tilts: Sampled | None,
     mount: Mount,
     until_s: float,
     rng: np.random.Generator,
@@ -159,11 +156,4 @@ def _lens(moved: CubicSpline, tilted: CubicSpline, mount: Mount, stamps_s: Array
 
 def _rotation_vectors(rotations: Array) -> Array:
     """Of small rotations (N, 3, 3), as vectors (N, 3)."""
-    return 0.5 * np.stack(
-        [
-            rotations[:, 2, 1] - rotations[:, 1, 2],
-            rotations[:, 0, 2] - rotations[:, 2, 0],
-            rotations[:, 1, 0] - rotations[:, 0, 1],
-        ],
-        axis=-1,
-    )
+    return 0.5 * (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]

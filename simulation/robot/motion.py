@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from edgemap.geometry.se2 import SE2
 from edgemap.simulation.render.mesh import Array
 
 SAMPLE_S = 0.02
@@ -32,7 +31,8 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """Three values every SAMPLE_S from time 0, (N, 3)."""
+    """Three values every SAMPLE_S from time 0, (N, 3): of a drive x, y in metres and yaw in radians (not wrapped); of a
+    base that nods roll and pitch (positive down) in radians, and rise in metres."""
 
     samples: Array
 
@@ -40,14 +40,6 @@ class Sampled:
         """(M, 3) at stamps (M,) in seconds; before the start the first, after the end the last."""
         time = np.arange(len(self.samples)) * SAMPLE_S
         return np.stack([np.interp(stamps_s, time, self.samples[:, axis]) for axis in range(3)], axis=-1)
-
-
-class SampledDrive(Sampled):
-    """A whole drive: samples of x, y in metres and yaw in radians (not wrapped)."""
-
-    def poses(self, frames: int, rate_hz: float) -> list[SE2]:
-        """Poses of the base in the home frame at each picture."""
-        return [SE2(*row) for row in self.at(np.arange(frames) / rate_hz)]
 
 
 def headings(path_m: Array, near_rad: float = 0.0) -> Array:

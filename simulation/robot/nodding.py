@@ -7,7 +7,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.robot.motion import SAMPLE_S, Sampled, SampledDrive
+from edgemap.simulation.robot.motion import SAMPLE_S, Sampled
 
 _PROFILE_M = 0.005  # between two heights of the floor
 
@@ -38,17 +38,13 @@ class Nodding:
     askew_m: float = 0.04
 
 
-class Tilts(Sampled):
-    """Tilt of the base along a drive: samples of roll and pitch (positive down) in rad, and rise in metres."""
-
-
 def lean(tilt: Array) -> Array:
     """(3, 3), from axes of the tilted base to the level one's; tilt: roll, pitch and rise."""
     (sp, sr), (cp, cr) = np.sin(tilt[[1, 0]]), np.cos(tilt[[1, 0]])
     return np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
 
 
-def nodding_of(motion: SampledDrive, seeds: tuple[int, ...], rule: Nodding | None = None) -> Tilts:
+def nodding_of(motion: Sampled, seeds: tuple[int, ...], rule: Nodding | None = None) -> Sampled:
     """The tilts of a drive; a longer one of the same seeds begins with the shorter one's."""
     rule = rule or Nodding()
     steps = np.diff(motion.samples, axis=0, prepend=motion.samples[:1])
@@ -67,7 +63,7 @@ def nodding_of(motion: SampledDrive, seeds: tuple[int, ...], rule: Nodding | Non
     rolled = (left - right).mean(axis=0) / rule.track_m
     pitched = ((left + right)[1] - (left + right)[0]) / 2.0 / rule.base_m
     risen = (left + right).mean(axis=0) / 2.0
-    return Tilts(np.column_stack([sprung[:, 0] + rolled, sprung[:, 1] + pitched, risen]))
+    return Sampled(np.column_stack([sprung[:, 0] + rolled, sprung[:, 1] + pitched, risen]))
 
 
 def _sprung(pushed: Array, rule: Nodding) -> Array:

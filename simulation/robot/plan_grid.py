@@ -9,8 +9,8 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.inputs.drives.drive import SEEN_SIDE_PX
-from edgemap.simulation.apartment.apartment import Apartment, Placed
-from edgemap.simulation.apartment.layout import ALIVE
+from edgemap.simulation.apartment.apartment import Apartment
+from edgemap.simulation.apartment.layout import ALIVE, Placed
 from edgemap.simulation.render.mesh import Array
 
 CELL_M = 0.04

@@ -46,9 +46,9 @@ def test_doctor_tells_what_the_variant_is_worth_and_that_it_is_whole(edgemap, wi
 
 
 def test_bench_takes_a_detectors_file_and_counts_its_searches(edgemap, tmp_path):
-    from support.foreign_models import class_columns, write
+    from support.foreign_models import Graph, class_columns, write
 
-    file = write(class_columns(), tmp_path / "a.onnx")
+    file = write(class_columns(Graph()), tmp_path / "a.onnx")
     result = edgemap.ok("bench", "--bundle", file, "--seconds", "0.2", "--rate", "10", "--json")
     figures = json.loads(result.stdout)
     assert {"fps", "searched_hz"} <= figures.keys()

@@ -3,18 +3,18 @@
 import gc
 import math
 import time
-from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import psutil
+from support.drives import observed, sighted
 from support.fuzzed_room import pose_at
 
 from edgemap.evaluation.objects import TrueObject, score_map
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.motion.odometry.recorded import WHEEL
@@ -25,10 +25,9 @@ from reliability.parts import PartReport
 
 DAY_S, PIECES = 86_400, 24
 LABELS = ("chair", "couch", "potted plant", "refrigerator", "toilet")
-HALF_VIEW_RAD, NEAREST_M, FARTHEST_M = math.radians(35.0), 0.6, 5.0
 LIMIT_S = 1800.0  # of processor time for the whole day
 SPEED_M_S = 0.25
-SIGMA_SHARE = 0.04  # of an object's distance
+SIGMA_M = 0.1  # of a sighting, either way
 LONG_MS = 30.0  # a step that takes longer is told one by one
 GROWTH = 1.25  # of step time and map size, last quarter of the day over the second one
 GROWTH_MB = 16.0  # of memory, likewise
@@ -38,30 +37,27 @@ F1_LOSS = 0.1  # likewise
 def run(seed: int, share: float, out: Path) -> PartReport:
     """The real back end, loop closure included; what the front end gives is drawn from a room of 14 objects."""
     steps = max(PIECES, round(DAY_S * share))
-    rows = drive_through(Mapper(closes_loops=True), RoundTrip(seed), steps, PIECES, 24.0, LIMIT_S * share)
+    trip = RoundTrip(seed)
+    rows = drive_through(Mapper(closes_loops=True), trip.step, trip.f1, steps, PIECES, 24.0, LIMIT_S * share)
     return _report(rows)
 
 
-class Source(Protocol):
-    """What a front end would give of a drive, and how true a map of it is."""
-
-    def step(self) -> FrameObservations:
-        """The next frame."""
-        ...
-
-    def f1(self, objects: list[MapObject]) -> float:
-        """Of a map, among all that came into view so far."""
-        ...
-
-
 def drive_through(
-    mapper: Mapper, source: Source, steps: int, pieces: int, hours: float, limit_s: float, rate_hz: int = 1
+    mapper: Mapper,
+    observations: Callable[[], FrameObservations],
+    f1: Callable[[list[MapObject]], float],
+    steps: int,
+    pieces: int,
+    hours: float,
+    limit_s: float,
+    rate_hz: int = 1,
 ) -> list[dict[str, Any]]:
     """Figures of each piece of a drive of so many steps and hours; fewer pieces where its processor time runs out.
+    observations: what a front end would give of the next frame. f1: how true a map is, among all that came into view.
 
     step_ms, p50_ms, p99_ms, largest_ms: processor time of a step of the back end, and of asking it for the map once a
     second, as a run does. long: the steps over 30 ms, each with its number, its stage that took longest, and whether a
-    loop closure corrected the trajectory in it. What the source holds is none of the robot's, so the garbage collector
+    loop closure corrected the trajectory in it. What they hold is none of the robot's, so the garbage collector
     leaves it alone.
     """
     gc.collect()
@@ -69,9 +65,9 @@ def drive_through(
     process, rows, begun_s = psutil.Process(), list[dict[str, Any]](), time.process_time()
     times_ms, long, objects = list[float](), list[dict[str, Any]](), list[MapObject]()
     for step in range(steps):
-        observed = source.step()
+        seen = observations()
         started_s = time.process_time()
-        update = mapper.step(observed)
+        update = mapper.step(seen)
         if step % rate_hz == 0:
             objects = mapper.objects()
         times_ms.append(1000.0 * (time.process_time() - started_s))
@@ -90,7 +86,7 @@ def drive_through(
                 "rss_mb": process.memory_info().rss / 1e6,
                 "objects": len(objects),
                 "map_kb": len(saved_text(map_document(objects))) / 1e3,
-                "f1": source.f1(objects),
+                "f1": f1(objects),
             }
             print(", ".join(f"{name} {value:.2f}" for name, value in row.items()), flush=True)
             rows.append(row | {"long": long})
@@ -101,63 +97,30 @@ def drive_through(
 
 
 class RoundTrip:
-    """Round and round: what a front end would give of each step. room: (label, x_m, y_m)."""
+    """Round and round a room of 14 objects: what a front end would give of each second."""
 
     def __init__(self, seed: int) -> None:
         self._random, self._steps = np.random.default_rng(seed), 0
         angles = np.sort(self._random.uniform(0, 2 * math.pi, 14))
-        self._seen: Counter[int] = Counter()
-        self.room = [(LABELS[i % 5], 4.5 * math.cos(a), 3.5 * math.sin(a)) for i, a in enumerate(angles)]
+        self._room = [(LABELS[i % 5], 4.5 * math.cos(a), 3.5 * math.sin(a)) for i, a in enumerate(angles)]
 
     def f1(self, objects: list[MapObject]) -> float:
-        """Of a map, in the frame of the first pose: one to one by class within 0.5 m, among all that came into view."""
-        start = _pose(0).inverse()
-        truth = []
-        for number, (label, *place) in enumerate(self.room):
-            x_m, y_m = start.apply(place)
-            truth.append(TrueObject(label, float(x_m), float(y_m), True, self._seen[number]))
+        """Of a map, in the frame of the first pose: one to one by class within 0.5 m, all seen within a lap."""
+        places = pose_at(0.0).inverse().apply([(x_m, y_m) for _, x_m, y_m in self._room]).tolist()
+        truth = [TrueObject(thing[0], x, y, True, 10) for thing, (x, y) in zip(self._room, places, strict=True)]
         return float(score_map(objects, truth)["f1"] or 0.0)
 
     def step(self) -> FrameObservations:
         """The next second."""
-        pose, before = _pose(self._steps), _pose(max(self._steps - 1, 0))
+        step, stamp_s = self._steps, float(self._steps)
         self._steps += 1
-        observed, seen = _observed(self._steps - 1, pose, before, self.room, self._random)
-        self._seen.update(seen)
-        return observed
-
-
-def _pose(step: int) -> SE2:
-    return pose_at(SPEED_M_S * step)
-
-
-def _observed(
-    step: int, pose: SE2, before: SE2, room: list[tuple[str, float, float]], random: np.random.Generator
-) -> tuple[FrameObservations, list[int]]:
-    """The observations, and which objects of the room they are of."""
-    inverse, sightings, boxes, numbers = pose.inverse(), [], [], []
-    for number, (label, x_m, y_m) in enumerate(room):
-        at = inverse.apply(np.array([x_m, y_m]))
-        distance_m = float(np.hypot(*at))
-        if not NEAREST_M < distance_m < FARTHEST_M or abs(math.atan2(at[1], at[0])) > HALF_VIEW_RAD:
-            continue
-        sigma_m = SIGMA_SHARE * distance_m
-        small = sigma_m**2 * np.eye(2)
-        size = (0.5, 0.9, 0.5)
-        seen = at + random.normal(0.0, sigma_m, 2)
-        sightings.append(
-            Sighting(label, 0.9, seen, small, 0.1 * small, *size, distance_m, len(boxes), step, float(step))
-        )
-        numbers.append(number)
-        left = 320.0 - 400.0 * at[1] / at[0]
-        boxes.append([left - 40.0, 150.0, left + 40.0, 350.0])
-    classes = np.array([LABELS.index(item.label) for item in sightings], dtype=np.int64)
-    detections = Detections(np.array(boxes).reshape(-1, 4), np.full(len(boxes), 0.9), classes, LABELS)
-    true = before.inverse() @ pose
-    covariance = WHEEL.covariance(true)
-    noise = random.multivariate_normal(np.zeros(3), covariance)
-    motion = Motion(SE2(*(true.vector() + noise)), covariance)
-    return FrameObservations(step, float(step), detections, sightings, motion), numbers
+        pose = pose_at(SPEED_M_S * step)
+        true = pose_at(SPEED_M_S * max(step - 1, 0)).inverse() @ pose
+        covariance = WHEEL.covariance(true)
+        noise = self._random.multivariate_normal(np.zeros(3), covariance)
+        motion = Motion(SE2(*(true.vector() + noise)), covariance)
+        seen = sighted(self._room, pose, step, self._random, SIGMA_M, reach_m=5.0, half_rad=math.radians(35.0))
+        return replace(observed(step, [replace(one, stamp_s=stamp_s) for one in seen], motion), stamp_s=stamp_s)
 
 
 def _report(rows: list[dict[str, Any]]) -> PartReport:

@@ -6,10 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.evaluation.objects import TrueObject
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.runtime.inputs.drives import open_drive
-from edgemap.runtime.inputs.open import DEMO, open_camera
+from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.store import bundle_folder
@@ -17,11 +15,9 @@ from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
 
 
 class DemoDrive:
-    """Pictures, stamps, truth, and `slam` for a fresh front and back end. frames: the first so many."""
+    """Pictures, stamps, and `slam` for a fresh front and back end. frames: the first so many."""
 
     def __init__(self, frames: int | None = None) -> None:
-        from edgemap.benchmarks.map_variants import true_objects
-
         loaded = load_bundle(bundle_folder("edgemap-nano"), 1).for_pictures(640, 480)
         self._known: dict[int, list[NDArray[np.float32]]] = {}
         self._infer = loaded.backbone.infer
@@ -36,7 +32,6 @@ class DemoDrive:
         if camera.info.intrinsics is None or camera.info.mount is None:
             raise ValueError("the demo knows its lens and mount")
         self.floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
-        self.truth: list[TrueObject] = true_objects(open_drive(f"drive:{DEMO}"), len(self.images))
 
     def slam(self, odometry: str = "hybrid") -> SemanticSlam:
         """As `edgemap run` makes it. odometry `wheel` stands for the demo's own wheels."""

@@ -41,7 +41,8 @@ def run(seed: int, share: float, out: Path) -> PartReport:
     drive = _rendered(folder, HOME + seed, frames)
     source = RecordedDrive(_observed(drive, frames, out / f"{folder.name}.pkl"), drive)
     steps = FRAMES * frames // NEW_FRAMES // MINUTES * MINUTES
-    rows = drive_through(Mapper(closes_loops=True), source, steps, MINUTES, 1.0, LIMIT_S, RATE_HZ)
+    mapper = Mapper(closes_loops=True)
+    rows = drive_through(mapper, source.step, source.f1, steps, MINUTES, 1.0, LIMIT_S, RATE_HZ)
     return _report(rows, len(source.observed), steps)
 
 

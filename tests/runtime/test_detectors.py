@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from onnx import TensorProto, helper, numpy_helper
 from support import painted
-from support.foreign_models import MODELS, SIDE, class_columns, write
+from support.foreign_models import MODELS, SIDE, Graph, class_columns, write
 from support.noise import noise
 
 from edgemap.geometry.camera.floor import FloorCamera
@@ -226,7 +226,7 @@ def test_a_file_in_the_current_folder_is_not_taken_for_a_bundles_name(tmp_path, 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_layout_is_recognised_and_gives_the_same_boxes(name, expected, tmp_path):
-    file = ForeignFile(write(MODELS[name](), tmp_path / "a.onnx"), Compute(1))
+    file = ForeignFile(write(MODELS[name](Graph()), tmp_path / "a.onnx"), Compute(1))
     read = recognise(file)
     assert read.input.colour == ("rgb" if name == "tensorflow" else "bgr")
     assert (read.input.scale, read.input.resize) == (1.0, "letterbox_topleft")
@@ -242,7 +242,7 @@ def test_a_layout_is_recognised_and_gives_the_same_boxes(name, expected, tmp_pat
 
 
 def test_metadata_of_ultralytics_states_names_and_size(tmp_path):
-    model = class_columns()
+    model = class_columns(Graph())
     names = {number: f"piece {number}" for number in range(80)}
     for key, value in {"names": str(names), "stride": "32", "task": "detect", "imgsz": "[416, 416]"}.items():
         model.metadata_props.add(key=key, value=value)
@@ -311,7 +311,7 @@ def test_a_label_without_a_name_is_refused_when_it_comes_up(tmp_path):
 
 
 def test_a_task_other_than_detection_is_refused_by_its_name(tmp_path):
-    model = class_columns()
+    model = class_columns(Graph())
     model.metadata_props.add(key="task", value="classify")
     with pytest.raises(BundleError, match="classify"):
         recognise(ForeignFile(write(model, tmp_path / "a.onnx"), Compute(1)))
@@ -345,7 +345,7 @@ def test_a_data_yaml_without_names_is_refused_in_one_line(text, tmp_path):
 
 
 def test_motion_and_floor_come_from_a_companion(tmp_path):
-    path = write(class_columns(), tmp_path / "other.onnx")
+    path = write(class_columns(Graph()), tmp_path / "other.onnx")
     alone, beside = load_bundle(bundle_folder("edgemap-nano"), 1), open_bundle(path, "edgemap-nano", 1)
     with open_camera("demo") as camera:
         assert camera.info.intrinsics is not None

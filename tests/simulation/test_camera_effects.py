@@ -15,7 +15,8 @@ from edgemap.simulation.camera.exposure import LightScript, gains
 from edgemap.simulation.camera.film import noisy
 from edgemap.simulation.camera.shutter import exposed, flow_px_s, optical_twist
 from edgemap.simulation.envelope import Envelope
-from edgemap.simulation.robot.motion import SampledDrive
+from edgemap.simulation.render.scene import Probes
+from edgemap.simulation.robot.motion import Sampled
 from edgemap.simulation.robot.plan_grid import PlanGrid
 from edgemap.simulation.views import draw_views
 
@@ -83,14 +84,15 @@ def test_noise_has_the_sensors_variance_and_repeats():
 
 
 def test_exposure_follows_a_switched_lamp_with_its_lag():
-    """Without probes the room is as bright as its shares say; 0.7 s after the switch, with a lag of 0.5 s."""
+    """A room that is everywhere as bright as its shares say; 0.7 s after the switch, with a lag of 0.5 s."""
+    probes = Probes(np.zeros(3), np.ones(3), *[np.full((1, 1, 1, 6, 3), 0.25, np.float32)] * 2)
     script = LightScript(day=0.0, lamp=0.8, switches_s=(10.0,), switched=0.1)
-    stands = SampledDrive(np.zeros((2, 3)))
-    before, after, settled = gains(None, script, stands, np.array([9.5, 10.2 + 0.5, 20.0]), 0.5)
+    stands = Sampled(np.zeros((2, 3)))
+    before, after, settled = gains(probes, script, stands, np.array([9.5, 10.2 + 0.5, 20.0]), 0.5)
     assert before < after < settled
     share = math.log(after / before) / math.log(settled / before)
     assert share == pytest.approx(1.0 - math.exp(-0.7 / 0.5), abs=0.08)
-    longer = gains(None, script, stands, np.array([9.5, 10.7, 20.0, 60.0]), 0.5)
+    longer = gains(probes, script, stands, np.array([9.5, 10.7, 20.0, 60.0]), 0.5)
     np.testing.assert_allclose(longer[:3], [before, after, settled])
 
 

@@ -1,8 +1,9 @@
 """The robot's way: never into anything, within the robot's limits, the same for the same seed; the truth of it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from support.hand_made_home import PIECES, home
 
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
@@ -13,12 +14,40 @@ from edgemap.simulation.camera.film import CameraSetup
 from edgemap.simulation.robot import motion
 from edgemap.simulation.robot.explore import drive
 from edgemap.simulation.robot.imu import Wheels, wheel_odometry
-from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Sampled
 from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 from edgemap.simulation.truth import object_records
 
 LIMITS = Limits(speed_m_s=0.6, yaw_rate_rad_s=1.1)
 SECONDS = 90.0
+
+# A home of two rooms and a doorway, for which no furniture library is needed.
+# label, x, y, width, depth, height, yaw
+PIECES = (
+    ("couch", 2.0, 0.55, 2.0, 0.9, 0.8, np.pi / 2),
+    ("chair", 0.6, 3.0, 0.8, 0.8, 0.9, 0.0),
+    ("dining table", 4.2, 3.0, 1.4, 0.9, 0.75, 0.0),
+    ("chair", 3.4, 3.0, 0.45, 0.45, 0.9, 0.0),
+    ("chair", 5.0, 3.0, 0.45, 0.45, 0.9, np.pi),
+    ("potted plant", 0.4, 4.5, 0.4, 0.4, 1.2, 0.0),
+    ("refrigerator", 5.6, 4.5, 0.6, 0.6, 1.8, np.pi),
+    ("bed", 8.2, 1.2, 1.6, 2.0, 0.6, np.pi),
+    ("potted plant", 9.6, 4.5, 0.4, 0.4, 1.0, 0.0),
+    ("", 9.5, 3.0, 0.6, 0.5, 2.0, np.pi),
+)
+WALLS = ((0, 0, 10, 0.1), (0, 0, 0.1, 5), (9.9, 0, 10, 5), (0, 4.9, 10, 5), (6, 0, 6.1, 2.3), (6, 3.3, 6.1, 5))
+
+
+def piece(number, label, x, y, width, depth, height, yaw, z=0.0):
+    model = SimpleNamespace(width_m=width, depth_m=depth, height_m=height)
+    return SimpleNamespace(
+        id=number, label=label, model=model, pose_home_object=SE2(x, y, yaw), z_m=z, on_floor=z < 0.02
+    )
+
+
+def home(pieces=PIECES, walls=WALLS, width_m=10.0, depth_m=5.0):
+    plan = SimpleNamespace(width_m=width_m, depth_m=depth_m, height_m=2.5, walls=walls, rooms=(None, None))
+    return SimpleNamespace(plan=plan, furniture=tuple(piece(i, *row) for i, row in enumerate(pieces, start=1)))
 
 
 def distance_to_footprint(item, points):
@@ -119,7 +148,7 @@ def test_a_turn_and_a_straight_take_the_time_of_their_trapezium():
 
 def test_perfect_wheels_tell_the_truth_to_a_tick():
     perfect = Wheels(tick_m=1e-6, scale=0.0, unlike=0.0, base_scale=0.0, creep=0.0, slips_per_m=0.0)
-    turning = SampledDrive(np.stack([0.5 * np.sin(t := np.arange(500) * 0.01), 0.5 * (1 - np.cos(t)), t], axis=1))
+    turning = Sampled(np.stack([0.5 * np.sin(t := np.arange(500) * 0.01), 0.5 * (1 - np.cos(t)), t], axis=1))
     rows = wheel_odometry(turning, np.arange(95) / 10.0, np.random.default_rng(0), perfect)
     np.testing.assert_allclose(rows[:, 1:3], turning.at(rows[:, 0])[:, :2], atol=2e-4)
     assert abs(SE2(0, 0, rows[-1, 3] - turning.at(rows[-1:, 0])[0, 2]).yaw_rad) < 2e-4

@@ -14,17 +14,18 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs import demo
-from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Material, Mesh, box, quad
-from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Surface
-from edgemap.simulation.render.view import Lens, View
+from edgemap.simulation.render.movers import Mover
+from edgemap.simulation.render.renderer import Renderer
+from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Probes, Surface
+from edgemap.simulation.render.view import View
 from edgemap.simulation.truth import picture_boxes
 
 INTRINSICS = Intrinsics(320, 240, 200.0, 200.0, 159.5, 119.5)
-BENT = replace(INTRINSICS, distortion=Distortion("brown_conrady", (-0.25, 0.08, 0.002, -0.003, 0.0)))
 # Looks along x from (0, 0, 1).
 MOUNT = Mount.from_degrees(1.0, 0.0)
 GREY = Material((0.5, 0.5, 0.5))
+PROBES = Probes(np.zeros(3), np.ones(3), *[np.full((1, 1, 1, 6, 3), 0.2, np.float32)] * 2)
 
 
 def lit(id_, mesh, lamp=1.0, day=0.0):
@@ -47,14 +48,11 @@ def wall(x, half, lamp=1.0, day=0.0):
 @pytest.fixture
 def draw():
     """Makes a renderer of parts and surfaces; closed at the end."""
-    pytest.importorskip("moderngl")
-    from edgemap.simulation.render.renderer import Renderer
-
     made = []
 
     def make(parts, surfaces=(), intrinsics=INTRINSICS):
         try:
-            made.append(Renderer(LitScene(tuple(surfaces), tuple(parts), ()), intrinsics))
+            made.append(Renderer(LitScene(tuple(surfaces), tuple(parts), (), PROBES), intrinsics))
         except EdgemapError as error:
             pytest.skip(str(error))
         return made[-1]
@@ -102,16 +100,6 @@ def test_objects_that_reach_behind_the_camera_have_a_whole_box(draw, view):
     assert found[1]["full_box"][0] == pytest.approx(160 + 200 * 0.5 / 3.0, abs=1)
 
 
-def test_things_behind_walls_are_left_out_and_nothing_else(draw, view):
-    """Culling must not change a picture: what is left out is what the wall hides."""
-    hidden, beside = sheet(3.0, -0.3, 0.3, 0.7, 1.3), sheet(3.0, 1.1, 1.5, 0.7, 1.3)
-    renderer = draw([*lit(1, hidden), *lit(2, beside)], [wall(2.0, 0.7)])
-    frame = renderer.frame(view)
-    assert set(np.unique(frame.ids)) == {0, 2}
-    assert frame.depth_m[120, 160] == pytest.approx(2.0, abs=1e-3)
-    assert (frame.ids == 2).sum() == pytest.approx(200 / 3 * 0.4 * 200 / 3 * 0.6, rel=0.05)
-
-
 @pytest.mark.parametrize("mix", [LightMix(1.0, 1.0), LightMix(0.5, 0.0), LightMix(0.0, 0.25)])
 def test_groups_of_light_add_up(draw, view, mix):
     """A matte grey at light L shows ACES(0.5 L), on corners and on light maps alike."""
@@ -133,22 +121,29 @@ def test_glass_shows_what_is_behind_but_is_an_object(draw, view):
     assert frame.ids[120, 40] == 0
 
 
-def test_bent_lens_puts_points_where_intrinsics_project_them(draw, view):
-    """Small markers all over the picture, in ids and in colour; nothing on a round number, so that no edge runs along
-    pixel centres."""
-    y, z = np.meshgrid(np.linspace(-1.413, 1.387, 7), np.linspace(-0.889, 0.911, 5))
-    points = np.column_stack([np.full(y.size, 2.0), y.ravel(), z.ravel() + 1.0])
-    half = 0.0313
-    parts = [
-        p
-        for n, at in enumerate(points, 1)
-        for p in lit(n, sheet(2.0, at[1] - half, at[1] + half, at[2] - half, at[2] + half))
-    ]
-    renderer = draw(parts, intrinsics=BENT)
-    frame = renderer.frame(view)
-    expected = BENT.project(view.to_optical(points))
-    inside = (expected > 6).all(axis=1) & (expected < [312, 232]).all(axis=1)
-    assert inside.sum() > 20
+POSE = SE2(1.0, 2.0, 0.4)
+TILTED = Mount.from_degrees(0.55, 14.0, roll_deg=6.0, forward_m=0.2, left_m=-0.07)
+# Nothing square, nothing centred: every sign and offset must be right.
+UNEVEN = Intrinsics(320, 240, 210.0, 190.0, 150.3, 128.9)
+BENT = replace(UNEVEN, distortion=Distortion("brown_conrady", (-0.25, 0.08, 0.002, -0.003, 0.0)))
+
+
+@pytest.mark.parametrize("lens", [UNEVEN, BENT], ids=["pinhole", "bent"])
+def test_points_stand_where_mount_and_lens_project_them(draw, lens):
+    """Small sheets all over the picture, in ids, colour and depth; where they stand is written from the mount alone,
+    apart from View, and nothing on a round number, so that no edge runs along pixel centres."""
+    y, z = (values.ravel() for values in np.meshgrid(np.linspace(-1.413, 1.387, 7), np.linspace(-0.889, 0.911, 5)))
+    half, parts = 0.0313, []
+    for n, (left, up) in enumerate(zip(y, z, strict=True), 1):
+        marker = sheet(2.0, left - half, left + half, up - half, up + half)
+        parts += lit(n, marker.placed(POSE.x_m, POSE.y_m, 0.0, POSE.yaw_rad))
+    frame = draw(parts, intrinsics=lens).frame(View.of_base(POSE, TILTED))
+    optical = (
+        np.column_stack([np.full(len(y), 2.0), y, z]) - TILTED.position_base_m()
+    ) @ TILTED.rotation_base_optical()
+    expected = lens.project(optical)
+    inside = (expected > 8).all(axis=1) & (expected < [310, 230]).all(axis=1)
+    assert inside.sum() > 12
     bright = frame.picture[..., 0].astype(float) ** 2.2
     for n in np.flatnonzero(inside) + 1:
         rows, columns = np.nonzero(frame.ids == n)
@@ -158,17 +153,10 @@ def test_bent_lens_puts_points_where_intrinsics_project_them(draw, view):
         r, c = np.mgrid[near]
         weight = bright[near]
         assert np.hypot((c * weight).sum() / weight.sum() - u, (r * weight).sum() / weight.sum() - v) < 0.2
-        assert frame.depth_m[rows, columns] == pytest.approx(2.0, abs=1e-3)
-
-
-def test_lens_that_folds_is_refused():
-    with pytest.raises(SimulationError, match="folds the picture"):
-        Lens(replace(INTRINSICS, distortion=Distortion("brown_conrady", (-2.0,))))
+        assert np.median(frame.depth_m[rows, columns]) == pytest.approx(optical[n - 1, 2], abs=0.01)
 
 
 def test_movers_stand_where_they_are_put(draw, view):
-    from edgemap.simulation.render.movers import Mover
-
     renderer = draw(lit(1, sheet(4.0, -0.3, 0.3, 0.7, 1.3)), [wall(6.0, 3.0)])
     mesh = box((-0.1, -0.2, 0.0), (0.1, 0.2, 1.8), GREY)
     mover = Mover(10_000, mesh, SE2(2.0, 0.3, np.pi / 2))
@@ -203,23 +191,3 @@ def test_every_model_is_credited(furniture_catalogue):
     assert len(keys) > 8
     for key in keys:
         assert furniture_catalogue[key].creator in text
-
-
-POSE = SE2(1.0, 2.0, 0.4)
-# Nothing square, nothing centred: every sign and offset must be right.
-UNEVEN = Intrinsics(320, 240, 290.0, 270.0, 150.3, 128.9)
-TILTED = Mount.from_degrees(0.55, 14.0, roll_deg=6.0, forward_m=0.2, left_m=-0.07)
-
-
-def test_ids_stand_where_geometry_projects_them(draw):
-    """Small boxes (2 cm) in front of the robot; where they stand is written from the mount alone, apart from View."""
-    base = np.array([[1.5, 0.0, 0.02], [2.0, 0.5, 0.3], [3.0, -0.9, 0.7], [2.5, 0.9, 0.05], [1.2, -0.2, 0.3]])
-    middles = np.column_stack([POSE.apply(base[:, :2]), base[:, 2]])
-    parts = [part for id_, at in enumerate(middles, 1) for part in lit(id_, box(at - 0.01, at + 0.01, GREY))]
-    frame = draw(parts, intrinsics=UNEVEN).frame(View.of_base(POSE, TILTED))
-    expected = (base - TILTED.position_base_m()) @ TILTED.rotation_base_optical()
-    for id_, (pixel, point) in enumerate(zip(UNEVEN.project(expected), expected, strict=True), start=1):
-        rows, columns = np.nonzero(frame.ids == id_)
-        assert len(rows) > 3, f"marker {id_} is not in the picture"
-        assert np.hypot(columns.mean() - pixel[0], rows.mean() - pixel[1]) < 1.0
-        assert abs(np.median(frame.depth_m[rows, columns]) - point[2]) < 0.02

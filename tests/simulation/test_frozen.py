@@ -5,12 +5,9 @@ import json
 
 import pytest
 
-pytest.importorskip("moderngl")
-
 from edgemap.benchmarks.rooms import SUMS
 from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.apartment.apartment import furnish, purpose_of
 from edgemap.simulation.record import truth_of
 from edgemap.simulation.world import draw_world
 
@@ -26,17 +23,6 @@ def test_every_mapped_kind_has_models_that_only_frozen_homes_show(furniture_cata
             own = set(kind.choices("frozen")) - others
             assert len(own) >= 2, name
             assert not set(kind.choices("frozen")) & {*kind.training, *kind.made}, name
-
-
-def test_only_the_seeds_of_the_block_draw_from_them(furniture_catalogue):
-    assert [purpose_of(seed) for seed in (7999, 8999, 9199, 9200, 9299, 9300)] == [
-        "training", "validation", "test", "frozen", "frozen", "test",
-    ]  # fmt: skip
-    kinds = furniture.kinds()
-    home = furnish(9205)
-    assert {item.model.key for item in home.furniture} & {key for kind in kinds.values() for key in kind.frozen}
-    for item in home.furniture:
-        assert item.model.key in kinds[item.kind].choices("frozen")
 
 
 @pytest.mark.parametrize("seed", [9100, 9211])

@@ -22,7 +22,7 @@ from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.simulation.carried_imu import carried_imu
 from edgemap.simulation.render.view import View
 from edgemap.simulation.robot.imu import GRAVITY_M_S2, ImuErrors, imu_samples
-from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive, stand, straight, turn
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Sampled, stand, straight, turn
 from edgemap.simulation.robot.nodding import Nodding, lean, nodding_of
 from edgemap.simulation.world import Choices, draw_world
 
@@ -35,7 +35,7 @@ def driven(rounds=6):
     for _ in range(rounds):
         parts += [straight(parts[-1][-1], 2.0, Limits()), turn(parts[-1][-1], 0.0, Limits())]
         parts.append(turn(parts[-2][-1], math.pi / 2.0, Limits()))
-    return SampledDrive(np.concatenate(parts))
+    return Sampled(np.concatenate(parts))
 
 
 def test_a_braking_robot_nods_forward_and_a_level_floor_lets_it_settle():

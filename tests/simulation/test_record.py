@@ -7,9 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-pytest.importorskip("moderngl")
-pytest.importorskip("embreex")
-
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera
@@ -37,7 +34,7 @@ def quick_light(lit):
 def recorded(drawn, tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole") / "drive"
     try:
-        record(drawn, folder, depth=True, workers=1)
+        record(drawn, folder, depth=True)
     except EdgemapError as error:
         pytest.skip(str(error))
     return folder
@@ -70,11 +67,11 @@ def test_a_recording_that_was_killed_goes_on_and_ends_the_same(recorded, drawn, 
 
     folder = tmp_path / "drive"
     with pytest.raises(Killed):
-        record(drawn, folder, depth=True, workers=1, progress=kill)
+        record(drawn, folder, depth=True, progress=kill)
     assert not (folder / "poses.tum").exists()
     (folder / "images" / ".000002.jpg.4711").write_bytes(b"half a pict")
     counts = []
-    record(drawn, folder, depth=True, workers=1, progress=lambda done, _: counts.append(done))
+    record(drawn, folder, depth=True, progress=lambda done, _: counts.append(done))
     assert counts[0] == 2
     (folder / "images" / ".000002.jpg.4711").unlink(missing_ok=True)
     assert contents(folder) == contents(recorded)
@@ -82,17 +79,17 @@ def test_a_recording_that_was_killed_goes_on_and_ends_the_same(recorded, drawn, 
 
 def test_a_finished_recording_is_left_as_it_is_and_another_is_refused(recorded, drawn):
     before = contents(recorded)
-    record(drawn, recorded, depth=True, workers=1)
+    record(drawn, recorded, depth=True)
     assert contents(recorded) == before
     other = replace(drawn, seed=drawn.seed + 1)
     with pytest.raises(SimulationError, match=r"holds another rendering \(it differs in seed\)"):
-        record(other, recorded, depth=True, workers=1)
+        record(other, recorded, depth=True)
 
 
 def test_a_folder_with_other_things_is_left_alone(drawn, tmp_path):
     (tmp_path / "thesis.txt").write_text("mine")
     with pytest.raises(SimulationError, match="not empty"):
-        record(drawn, tmp_path, workers=1)
+        record(drawn, tmp_path)
     assert contents(tmp_path) == {"thesis.txt": b"mine"}
 
 
@@ -133,7 +130,7 @@ def test_the_floor_plan_lies_beside_the_drive_and_comes_to_one_that_was_rendered
     older = copytree(recorded, tmp_path / "older")
     (older / "floor_plan.json").unlink()
     before = contents(older)
-    record(drawn, older, depth=True, workers=1)
+    record(drawn, older, depth=True)
     after = contents(older)
     assert after.pop("floor_plan.json") == (recorded / "floor_plan.json").read_bytes()
     assert after == before

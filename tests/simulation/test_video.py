@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-pytest.importorskip("av", reason="needs the extra edgemap-robot[simulation]")
+from edgemap.simulation.record import write_video
 
 
 def pictures(count):
@@ -16,8 +16,6 @@ def pictures(count):
 
 
 def test_a_video_has_every_picture_in_order_nearly_as_it_was(tmp_path):
-    from edgemap.simulation.record import write_video
-
     write_video(tmp_path / "video.mp4", pictures(8), 10.0)
     video = cv2.VideoCapture(str(tmp_path / "video.mp4"))
     assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)

@@ -1,6 +1,7 @@
 """YOLOX-Nano of the package with the outputs of other families: the same boxes in every layout that exports have."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +25,13 @@ class Graph:
         del self.graph.output[:], self.model.metadata_props[:]
         self._count = 0
 
-    def node(self, kind: str, *inputs: "str | np.ndarray", outputs: int = 1, **attributes: Any) -> str:
-        """Append a node; its (first) output. Arrays become constants."""
+    def node(self, kind: str, *inputs: "str | np.ndarray", **attributes: Any) -> str:
+        """Append a node; its output. Arrays become constants."""
         self._count += 1
         names = [one if isinstance(one, str) else self.constant(one) for one in inputs]
-        made = [f"added_{self._count}_{number}" for number in range(outputs)]
-        self.graph.node.append(helper.make_node(kind, names, made, **attributes))
-        return made[0]
+        made = f"added_{self._count}"
+        self.graph.node.append(helper.make_node(kind, names, [made], **attributes))
+        return made
 
     def constant(self, value: np.ndarray) -> str:
         self._count += 1
@@ -52,10 +53,9 @@ class Graph:
         return self.node("Mul", self.node("Concat", centres, sides, axis=2), strides)
 
     def corners(self) -> str:
-        centres, half = (
-            self.cut(self.boxes(), 0, 2),
-            self.node("Mul", self.cut(self.boxes(), 2, 4), np.array([0.5], np.float32)),
-        )
+        boxes = self.boxes()
+        centres = self.cut(boxes, 0, 2)
+        half = self.node("Mul", self.cut(boxes, 2, 4), np.array([0.5], np.float32))
         return self.node("Concat", self.node("Sub", centres, half), self.node("Add", centres, half), axis=2)
 
     def scores(self) -> str:
@@ -97,45 +97,39 @@ class Graph:
         return self.node("Div", name, np.array([SIDE], np.float32))
 
 
-def class_columns(share: bool = False) -> onnx.ModelProto:
+def class_columns(graph: Graph, share: bool = False) -> onnx.ModelProto:
     """YOLOv8 to YOLO12: (1, 84, N)."""
-    graph = Graph()
     boxes = graph.shares(graph.boxes()) if share else graph.boxes()
     return graph.give(
         output0=graph.node("Transpose", graph.node("Concat", boxes, graph.scores(), axis=2), perm=[0, 2, 1])
     )
 
 
-def segmentation() -> onnx.ModelProto:
+def segmentation(graph: Graph) -> onnx.ModelProto:
     """A segmentation file: 32 coefficients behind the classes, and the masks' prototypes."""
-    graph = Graph()
     masks = np.random.default_rng(0).normal(size=(1, CELLS, 32)).astype(np.float32)
     table = graph.node("Concat", graph.boxes(), graph.scores(), masks, axis=2)
     prototypes = graph.node("Identity", np.zeros((1, 32, 104, 104), np.float32))
     return graph.give(output0=graph.node("Transpose", table, perm=[0, 2, 1]), output1=prototypes)
 
 
-def objectness_rows() -> onnx.ModelProto:
+def objectness_rows(graph: Graph) -> onnx.ModelProto:
     """YOLOv5, and YOLOX decoded in its graph: (1, N, 85)."""
-    graph = Graph()
     return graph.give(boxes_out=graph.node("Concat", graph.boxes(), graph.cut("output", 4, 85), axis=2))
 
 
-def cells() -> onnx.ModelProto:
+def cells(graph: Graph) -> onnx.ModelProto:
     """YOLOX as it comes: offsets and logarithms of cells."""
-    graph = Graph()
     return graph.give(raw=graph.node("Identity", "output"))
 
 
-def class_rows() -> onnx.ModelProto:
+def class_rows(graph: Graph) -> onnx.ModelProto:
     """RT-DETR by Ultralytics: (1, N, 84), shares."""
-    graph = Graph()
     return graph.give(output0=graph.node("Concat", graph.shares(graph.boxes()), graph.scores(), axis=2))
 
 
-def end_to_end() -> onnx.ModelProto:
+def end_to_end(graph: Graph) -> onnx.ModelProto:
     """YOLOv10 and YOLO26: (1, K, 6)."""
-    graph = Graph()
     boxes, scores, labels = graph.best()
     last = [graph.column(one) for one in (scores, graph.node("Cast", labels, to=1))]
     return graph.give(output0=graph.node("Concat", boxes, *last, axis=2))
@@ -146,15 +140,13 @@ def logits(name: str, graph: Graph) -> str:
     return graph.node("Log", graph.node("Div", clipped, graph.node("Sub", np.array([1.0], np.float32), clipped)))
 
 
-def queries() -> onnx.ModelProto:
+def queries(graph: Graph) -> onnx.ModelProto:
     """RT-DETR and D-FINE of transformers: logits (1, Q, 80) and boxes (1, Q, 4)."""
-    graph = Graph()
     return graph.give(logits=logits(graph.scores(), graph), pred_boxes=graph.shares(graph.boxes()))
 
 
-def categories() -> onnx.ModelProto:
+def categories(graph: Graph) -> onnx.ModelProto:
     """RF-DETR: boxes, and logits (1, Q, 91) by COCO's categories."""
-    graph = Graph()
     place = np.zeros((80, 91), np.float32)
     place[np.arange(80), CATEGORY] = 1.0
     return graph.give(
@@ -162,9 +154,8 @@ def categories() -> onnx.ModelProto:
     )
 
 
-def sized_lists() -> onnx.ModelProto:
+def sized_lists(graph: Graph) -> onnx.ModelProto:
     """RT-DETR, D-FINE and DEIM with their postprocessor: labels, boxes, scores, in the size that is asked for."""
-    graph = Graph()
     graph.graph.input.append(helper.make_tensor_value_info("orig_target_sizes", TensorProto.INT64, ["N", 2]))
     boxes, scores, labels = graph.best()
     sizes = graph.node("Cast", "orig_target_sizes", to=1)
@@ -172,9 +163,8 @@ def sized_lists() -> onnx.ModelProto:
     return graph.give(labels=labels, boxes=scaled, scores=scores)
 
 
-def counted_lists() -> onnx.ModelProto:
+def counted_lists(graph: Graph) -> onnx.ModelProto:
     """TensorRT's NMS: num_dets, det_boxes, det_scores, det_classes."""
-    graph = Graph()
     boxes, scores, labels = graph.best()
     return graph.give(
         num_dets=graph.node("Identity", np.array([[50]], np.int32)), det_boxes=boxes, det_scores=scores,
@@ -182,9 +172,8 @@ def counted_lists() -> onnx.ModelProto:
     )  # fmt: skip
 
 
-def tensorflow() -> onnx.ModelProto:
+def tensorflow(graph: Graph) -> onnx.ModelProto:
     """TensorFlow's detection API: uint8, channels last; y before x; classes by category, as numbers with a point."""
-    graph = Graph()
     (picture,) = graph.graph.input
     for node in graph.graph.node:
         node.input[:] = ["planes" if name == picture.name else name for name in node.input]
@@ -206,17 +195,15 @@ def tensorflow() -> onnx.ModelProto:
     )  # fmt: skip
 
 
-def torchvision() -> onnx.ModelProto:
+def torchvision(graph: Graph) -> onnx.ModelProto:
     """torchvision's detectors: boxes (K, 4), labels (K,) by category, scores (K,)."""
-    graph = Graph()
     boxes, scores, labels = graph.best()
     numbers = graph.node("Gather", CATEGORY, graph.flat(labels))
     return graph.give(boxes=graph.flat(boxes, 4), scores=graph.flat(scores), labels=numbers)
 
 
-def batched_rows() -> onnx.ModelProto:
+def batched_rows(graph: Graph) -> onnx.ModelProto:
     """YOLOv7 with NMS in its graph: (K, 7), batch, box, class, score."""
-    graph = Graph()
     boxes, scores, labels = graph.best()
     columns = [graph.column(one) for one in (graph.node("Cast", labels, to=1), scores)]
     batch = np.zeros((1, BEST, 1), np.float32)
@@ -224,16 +211,15 @@ def batched_rows() -> onnx.ModelProto:
     return graph.give(boxes_out=graph.flat(table, 7))
 
 
-def labelled_rows() -> onnx.ModelProto:
+def labelled_rows(graph: Graph) -> onnx.ModelProto:
     """PaddleDetection with NMS in its graph: (K, 6), class, score, box."""
-    graph = Graph()
     boxes, scores, labels = graph.best()
     columns = [graph.column(one) for one in (graph.node("Cast", labels, to=1), scores)]
     return graph.give(boxes_out=graph.flat(graph.node("Concat", *columns, boxes, axis=2), 6))
 
 
-MODELS: dict[str, Callable[[], onnx.ModelProto]] = {
-    "class columns": class_columns, "class columns, shares": lambda: class_columns(share=True), "segmentation":
+MODELS: dict[str, Callable[[Graph], onnx.ModelProto]] = {
+    "class columns": class_columns, "class columns, shares": partial(class_columns, share=True), "segmentation":
     segmentation, "objectness rows": objectness_rows, "cells": cells, "class rows": class_rows, "end to end":
     end_to_end, "queries": queries, "categories": categories, "sized lists": sized_lists, "counted lists":
     counted_lists, "tensorflow": tensorflow, "torchvision": torchvision, "batched rows": batched_rows, "labelled rows":

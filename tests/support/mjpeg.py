@@ -9,7 +9,9 @@ import numpy as np
 
 
 class MjpegServer:
-    """Serves noise, or `pictures` round and round, at `rate_hz`, from an address that stays the same."""
+    """Serves noise, or `pictures` round and round, at `rate_hz`, from an address that stays the same, until `stop`."""
+
+    address = "http://127.0.0.1:{}/video.mjpg"
 
     def __init__(self, rate_hz=20.0, size=(64, 48), pictures=None):
         random = np.random.default_rng(0)
@@ -22,9 +24,10 @@ class MjpegServer:
 
     @property
     def url(self):
-        return f"http://127.0.0.1:{self.port}/video.mjpg"
+        return self.address.format(self.port)
 
-    def start(self):
+    def handler(self):
+        """What answers one client, for as long as the server that it had at first."""
         camera = self
 
         class Handler(BaseHTTPRequestHandler):
@@ -48,7 +51,10 @@ class MjpegServer:
             def log_message(self, *_):
                 pass
 
-        self._server = server = ThreadingHTTPServer(("127.0.0.1", self.port), Handler)
+        return Handler
+
+    def start(self):
+        self._server = server = ThreadingHTTPServer(("127.0.0.1", self.port), self.handler())
         server.daemon_threads = True
         self.port = server.server_port
         threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()

@@ -2,32 +2,29 @@
 
 import socketserver
 import struct
-import threading
 import time
 
 import cv2
 import numpy as np
+from support.mjpeg import MjpegServer
 
 PACKET_BYTES = 1400
 SDP = "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=test\r\nt=0 0\r\nm=video 0 RTP/AVP 26\r\na=control:track0\r\n"
 
 
-class RtspServer:
-    """Serves `pictures` (multiples of 8 px) round and round at `rate_hz` until `stop`; `start` takes the same port."""
+class RtspServer(MjpegServer):
+    """Serves `pictures`, whose sides are multiples of 8 px."""
 
-    def __init__(self, pictures, rate_hz=20.0):
+    address = "rtsp://127.0.0.1:{}/live"
+
+    def __init__(self, pictures):
         # Sampling 4:2:0, RTP's type 1; the standard Huffman tables, which OpenCV writes.
         options = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420]
-        self.jpegs = [taken_apart(cv2.imencode(".jpg", image, options)[1].tobytes()) for image in pictures]
-        self.size, self.period_s = pictures[0].shape[1::-1], 1.0 / rate_hz
-        self.connections, self.port, self._server = 0, 0, None
-        self.start()
+        self.packed = [taken_apart(cv2.imencode(".jpg", image, options)[1].tobytes()) for image in pictures]
+        self.size = pictures[0].shape[1::-1]
+        super().__init__(pictures=pictures)
 
-    @property
-    def url(self):
-        return f"rtsp://127.0.0.1:{self.port}/live"
-
-    def start(self):
+    def handler(self):
         camera = self
 
         class Handler(socketserver.StreamRequestHandler):
@@ -52,29 +49,12 @@ class RtspServer:
                     if camera._server is not server:
                         return
                     clock = int((time.monotonic() - began_s) * 90_000)
-                    for packet in rtp(camera.jpegs[number % len(camera.jpegs)], camera.size, clock, count):
+                    for packet in rtp(camera.packed[number % len(camera.packed)], camera.size, clock, count):
                         count += 1
                         self.wfile.write(b"$\x00" + struct.pack(">H", len(packet)) + packet)
                     time.sleep(camera.period_s)
 
-        class Server(socketserver.ThreadingTCPServer):
-            allow_reuse_address, daemon_threads = True, True
-
-        self._server = server = Server(("127.0.0.1", self.port), Handler)
-        self.port = server.server_address[1]
-        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
-
-    def stop(self):
-        server, self._server = self._server, None
-        if server is not None:
-            server.shutdown()
-            server.server_close()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.stop()
+        return Handler
 
 
 def answer(method, headers):

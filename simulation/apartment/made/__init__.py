@@ -17,14 +17,9 @@ import numpy as np
 from edgemap.simulation.apartment.made import textures
 from edgemap.simulation.apartment.made.shapes import lofts, solids
 from edgemap.simulation.apartment.made.shapes.leaves import leaves
-from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Material, Mesh, Part, box, quad
 
 LIBRARY = "edgemap"
-KINDS = (
-    "armchair", "backpack", "basin", "bed", "chair", "corner couch", "couch", "dining table", "microwave",
-    "office chair", "oven", "potted plant", "refrigerator", "small plant", "stool", "suitcase", "toilet", "tv", "vase",
-)  # fmt: skip
 # Kinds whose top carries other furniture.
 FLAT_TOPS = {"dining table"}
 
@@ -41,14 +36,9 @@ _OUTLINES: dict[str, Callable[..., Any]] = {
 
 
 def made(name: str) -> Mesh:
-    """`KIND-NUMBER` in metres, x out of its front, y left, z up, origin on the floor at its box's centre.
-
-    Raises SimulationError for a name of no such kind or number.
-    """
+    """`KIND-NUMBER` in metres, x out of its front, y left, z up, origin on the floor at its box's centre."""
     kind, _, number = name.rpartition("-")
-    piece = _pieces(kind).get(number) if kind in KINDS else None
-    if piece is None:
-        raise SimulationError(f"no furniture model {LIBRARY}/{name}: expected KIND-NUMBER, of {', '.join(KINDS)}")
+    piece = _pieces(kind)[number]
     materials = _materials(piece["materials"], [sum(map(ord, kind)), int(number)])
     parts = [part for shape in piece["shapes"] for part in _shaped(dict(shape), materials)]
     points = np.concatenate([part.positions for part in parts]).reshape(-1, 3)

@@ -46,23 +46,6 @@ def test_every_frame_comes_back_bit_exact_in_order(realsense_recording):
         np.testing.assert_array_equal(frame.image[..., ::-1], picture)
 
 
-def test_a_bag_in_its_layout_by_another_writer_gives_every_colour_frame(tmp_path):
-    """With depth and colour, by an independent ROS library."""
-    pytest.importorskip("rosbags", reason="the ROS bag writer `rosbags` is not installed")
-    from support.write_realsense_bag import write_realsense_bag
-
-    random, stamps = np.random.default_rng(2), [100.0 + i / 30 for i in range(30)]
-    pictures = [random.integers(0, 256, (480, 640, 3), dtype=np.uint8) for _ in stamps]
-    path = write_realsense_bag(tmp_path / "drive.bag", pictures, stamps, LENS)
-    with open_camera(f"realsense:{path}") as camera:
-        lens = camera.info.intrinsics
-        frames = drain(camera)
-    assert (lens.fx, lens.fy, lens.cx, lens.cy) == LENS
-    np.testing.assert_allclose([frame.stamp_s for frame in frames], stamps, atol=1e-6)
-    for frame, picture in zip(frames, pictures, strict=True):
-        np.testing.assert_array_equal(frame.image[..., ::-1], picture)
-
-
 def test_distortion_is_carried_over(tmp_path):
     coefficients = (-0.055, 0.064, 0.0009, -0.0006, -0.021)
     picture = np.zeros((480, 640, 3), np.uint8)

@@ -133,13 +133,11 @@ def lathe(radii: Array, heights: Array, material: Material, sides: int = 28) -> 
     """A smooth surface of revolution. radii, heights: profile, (N,) each. It faces outwards where heights increase."""
     turn = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     around = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    points = np.concatenate(
-        [radii[:, None, None] * around, np.broadcast_to(heights[:, None, None], (len(radii), sides + 1, 1))], axis=2
-    )
-    slope_r, slope_z = np.gradient(radii), np.gradient(heights)
-    normals = np.concatenate(
-        [slope_z[:, None, None] * around, np.broadcast_to(-slope_r[:, None, None], (len(radii), sides + 1, 1))], axis=2
-    )
+
+    def turned(out: Array, up: Array) -> Array:
+        return np.concatenate([out[:, None, None] * around, np.tile(up[:, None, None], (1, sides + 1, 1))], axis=2)
+
+    points, normals = turned(radii, heights), turned(np.gradient(heights), -np.gradient(radii))
     normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-9)
     return grid(points, normals, material)
 
