@@ -71,6 +71,9 @@ def command(
             "them; also beside a drive that was rendered without.",
         ),
     ] = None,
+    locobot: Annotated[
+        bool, arg(help="The LoCoBot data set instead: 5,000 training pictures and four drives of 2,000.")
+    ] = False,
     pictures: Annotated[
         int | None,
         arg(metavar="PER_HOME", help="Unrelated pictures for training a detector instead, from --seeds."),
@@ -111,7 +114,7 @@ def command(
 
     need("simulation", "edgemap simulate", RENDERERS)
     at_least(1, frames=frames, pictures=pictures, floor_labels=floor_labels)
-    if floor_labels is not None and (video or pictures is not None):
+    if floor_labels is not None and (video or locobot or pictures is not None):
         raise UsageError("--floor-labels is for drives of single pictures; --pictures has them always")
     if not 0.0 <= close <= 1.0 or (close and pictures is None):
         raise UsageError(f"--close {close:g}: expected 0 to 1, a share of --pictures")
@@ -131,6 +134,10 @@ def command(
             from edgemap.simulation.pictures import render_pictures
 
             render_pictures(out, pictures, homes_of(seeds, shard), progress, typed, close, carried)
+        elif locobot:
+            from edgemap.simulation.locobot import record_locobot
+
+            record_locobot(out, seed, progress, command=typed)
         else:
             from edgemap.simulation.record import label_drive, record
             from edgemap.simulation.world import draw_world
@@ -146,7 +153,7 @@ def command(
         print(f"{out}: done; use its folders as --data drive:{out}/SEED")
         return
     kind = "yolo" if pictures is not None else "drive"
-    print(f"{out}: done; use it as --data {kind}:{out}")
+    print(f"{out}: done" if locobot else f"{out}: done; use it as --data {kind}:{out}")
 
 
 def homes_of(text: str | None, shard: str | None) -> range:

@@ -17,6 +17,7 @@ from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives.locobot import write_locobot
 from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
@@ -129,18 +130,22 @@ def record(
     world: World,
     folder: Path,
     *,
+    layout: str = "drive",
     video: bool = False,
     depth: bool = False,
     progress: Progress = lambda _done, _all: None,
     command: str = "edgemap simulate",
 ) -> None:
-    """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes. video: one video.mp4
-    instead of images/. depth: depth/ too, 16 bits, millimetres along the optical axis. progress: called with the
-    pictures done and all. Raises SimulationError, DiskError and MissingExtraError.
+    """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes. layout: `drive`
+    (images/ or video.mp4; depth/ if asked) or `locobot` (rgb/, depth/). depth: 16 bits, millimetres along the optical
+    axis. progress: called with the pictures done and all. Raises SimulationError, DiskError and MissingExtraError.
     """
-    store = FrameStore(folder, _settings(world, video, depth), None if video else "images", depth)
+    locobot = layout == "locobot"
+    settings = _settings(world, layout, video, depth)
+    store = FrameStore(folder, settings, "rgb" if locobot else None if video else "images", depth or locobot)
     if store.complete:
-        write_floor_plan(world, folder)  # it may have been rendered when plans held less
+        if not locobot:  # it may have been rendered when plans held less
+            write_floor_plan(world, folder)
         progress(world.frames, world.frames)
         return
     missing = store.missing(range(world.frames))
@@ -155,22 +160,26 @@ def record(
         unfinished.replace(folder / "video.mp4")
     camera, truth = world.camera, truth_of(world)
     wheel = wheel_odometry(world.motion, world.stamps_s, np.random.default_rng([world.seed, 3]))
-    boxes = [store.read(index) for index in range(world.frames)]
-    objects = object_records(world.apartment, world.poses()[0], boxes)
-    tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
-    write_floor_plan(world, folder)
-    write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel.tolist(), tilts)
-    if world.imu:
-        rng = np.random.default_rng([world.seed, 9])
-        samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
-        write_imu_csv(folder / "imu.csv", samples)
+    if locobot:
+        write_locobot(folder, camera.intrinsics, camera.mount, camera.rate_hz, wheel.tolist(), truth)
+    else:
+        boxes = [store.read(index) for index in range(world.frames)]
+        objects = object_records(world.apartment, world.poses()[0], boxes)
+        tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
+        rows = wheel.tolist()
+        write_floor_plan(world, folder)
+        write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, rows, tilts)
+        if world.imu:
+            rng = np.random.default_rng([world.seed, 9])
+            samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
+            write_imu_csv(folder / "imu.csv", samples)
     if moved := moved_record(world):
         write_atomically(folder / "moved.json", json.dumps(moved, indent=1))
     write_atomically(folder / "README.md", credits_text(world.models(), command))
     store.finish()
 
 
-def _settings(world: World, video: bool, depth: bool) -> dict[str, Any]:
+def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, Any]:
     chosen = {"nodding": world.tilts is not None, "imu": world.imu}
     return (
         {
@@ -178,7 +187,7 @@ def _settings(world: World, video: bool, depth: bool) -> dict[str, Any]:
             "seed": world.seed,
             "home_seed": world.home_seed,
             "frames": world.frames,
-            "layout": "drive",  # the only one; named so that earlier renderings go on
+            "layout": layout,
             "video": video,
             "depth": depth,
             "people": len(world.walkers),

@@ -19,8 +19,8 @@ from edgemap.simulation.envelope import Envelope, light_of
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.people import Walker, draw_walkers
 from edgemap.simulation.render.scene import Scene, Solid
-from edgemap.simulation.robot.explore import drive
-from edgemap.simulation.robot.motion import Sampled
+from edgemap.simulation.robot.explore import Habits, drive
+from edgemap.simulation.robot.motion import Limits, Sampled
 from edgemap.simulation.robot.nodding import nodding_of
 from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
 
@@ -54,6 +54,8 @@ class Choices:
     effects: Effects | None = None
     light: str | None = None
     people: int | None = None
+    limits: Limits | None = None
+    habits: Habits | None = None
     contract: bool = True
     moved: int = 0
     nodding: bool = False
@@ -166,16 +168,16 @@ def _draw_drive(
     camera = replace(camera, rate_hz=choices.rate_hz or camera.rate_hz)
     light = light_of(choices.light, rng) if choices.light else _ENVELOPE.draw_light(rng)
     effects = choices.effects or _ENVELOPE.draw_effects(rng, light)
-    limits = _ENVELOPE.draw_limits(rng)
+    limits = choices.limits or _ENVELOPE.draw_limits(rng)
     drawn = int(rng.choice(len(_ENVELOPE.people), p=_ENVELOPE.people))
     sight = VisibilityEstimate(apartment, grid, camera.intrinsics, camera.mount)
     way = [seed, home_seed, number, 2, *turn]
     try:
-        motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S)
+        motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S, choices.habits)
         if choices.contract and not _fulfils(motion, sight):
             return None
         seconds = frames / camera.rate_hz + _SPARE_S
-        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds)
+        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds, choices.habits)
     except SimulationError:
         return None
     people = drawn if choices.people is None else choices.people

@@ -5,6 +5,7 @@ least, for the time it takes, is driven. A drive is one endless stream: a longer
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,16 +27,30 @@ _APPROACH_M = (1.1, 2.2)
 # A path may begin with a bend instead of a turn on the spot up to this angle, over this distance.
 _BEND_RAD, _BEND_M = 1.9, 0.35
 _SIT_BACK_M = (0.2, 0.45)
-# Probabilities per leg: its goal is anywhere, not before a piece; it goes by a third place; what is done on arrival.
-_ANYWHERE, _OVER = 0.3, 0.5
-_FACE, _PAUSE, _LOOK_ABOUT, _BACK_OFF = 0.6, 0.2, 0.25, 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """Probabilities of the robot's actions per leg."""
+
+    to_room: float = 0.3
+    over: float = 0.5
+    face: float = 0.6
+    look_about: float = 0.25
+    pause: float = 0.2
+    back_off: float = 0.2
 
 
 def drive(
-    grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, seconds: float
+    grid: PlanGrid,
+    sight: VisibilityEstimate,
+    limits: Limits,
+    rng: np.random.Generator,
+    seconds: float,
+    habits: Habits | None = None,
 ) -> Sampled:
     """Explore for at least this long. Raises SimulationError where the home has no free floor, or no path leads on."""
-    explorer = _Explorer(grid, sight, limits, rng)
+    explorer = _Explorer(grid, sight, limits, rng, habits or Habits())
     moves, needed = [explorer.pose[None]], math.ceil(seconds / SAMPLE_S)
     while needed > 0:
         moves.append(explorer.next_leg())
@@ -44,8 +59,10 @@ def drive(
 
 
 class _Explorer:
-    def __init__(self, grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator) -> None:
-        self._grid, self._sight, self._limits, self._rng = grid, sight, limits, rng
+    def __init__(
+        self, grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, habits: Habits
+    ) -> None:
+        self._grid, self._sight, self._limits, self._rng, self._habits = grid, sight, limits, rng, habits
         self._router = Router(grid, limits)
         self._seen_s = np.zeros(len(sight.ids))
         nodes = self._router.nodes_m[rng.integers(len(self._router.nodes_m), size=24)]
@@ -88,9 +105,9 @@ class _Explorer:
         )
 
     def _draw_leg(self, cost: Array, before: np.ndarray) -> Array | None:
-        rng = self._rng
+        rng, habits = self._rng, self._habits
         subject = None
-        if len(self._sight.ids) and rng.random() > _ANYWHERE:
+        if len(self._sight.ids) and rng.random() > habits.to_room:
             subject = self._draw_subject()
             goal = self._draw_spot_before(subject)
         else:
@@ -98,7 +115,7 @@ class _Explorer:
         if goal is None or not 0.5 < cost[goal] < 30.0:
             return None
         chain = self._router.chain(before, goal)
-        if rng.random() < _OVER:
+        if rng.random() < habits.over:
             over = int(rng.integers(len(self._router.nodes_m)))
             if cost[over] < cost[goal] + 2.0:
                 _, onward = self._router.reach(over)
@@ -153,7 +170,7 @@ class _Explorer:
 
     def _ending(self, pose: Array, subject: int | None) -> list[Array]:
         """What is done on arrival: face the piece, look about, stand, back off."""
-        rng, limits = self._rng, self._limits
+        rng, habits, limits = self._rng, self._habits, self._limits
         moves: list[Array] = []
 
         def add(move: Array) -> None:
@@ -162,18 +179,18 @@ class _Explorer:
                 moves.append(move)
                 pose = move[-1]
 
-        if subject is not None and rng.random() < _FACE:
+        if subject is not None and rng.random() < habits.face:
             apart = self._sight.middles_m[subject] - pose[:2]
             add(motion.turn(pose, wrap_angle(math.atan2(apart[1], apart[0]) - pose[2] + rng.normal(0.0, 0.12)), limits))
-        if rng.random() < _PAUSE:
+        if rng.random() < habits.pause:
             add(motion.stand(pose, rng.uniform(0.3, 1.2)))
-        if rng.random() < _LOOK_ABOUT:
+        if rng.random() < habits.look_about:
             side = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.0)
             add(motion.turn(pose, side, limits))
             if rng.random() < 0.4:
                 add(motion.turn(pose, -side * rng.uniform(1.2, 2.0), limits))
         back_m = rng.uniform(*_SIT_BACK_M)
-        if rng.random() < _BACK_OFF:
+        if rng.random() < habits.back_off:
             ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
             behind = pose[:2] - np.linspace(0.05, back_m, 8)[:, None] * ahead
             if self._grid.clearance_m(behind).min() > limits.radius_m + limits.margin_m:

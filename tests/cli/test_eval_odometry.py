@@ -13,7 +13,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives import write_drive
+from edgemap.runtime.inputs.drives import write_drive, write_locobot
 
 COUNT = 61
 LENS, MOUNT = Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5), Mount.from_degrees(0.5, 20.0)
@@ -55,8 +55,7 @@ def kitti(folder):
 
 def locobot(folder):
     pictures(folder / "rgb")
-    write_drive(folder, LENS, MOUNT, 10.0, Trajectory(STAMPS_S, WAY), wheel=wheels(0.05))
-    (folder / "wheel.csv").rename(folder / "odometry.csv")
+    write_locobot(folder, LENS, MOUNT, 10.0, wheels(0.05), Trajectory(STAMPS_S, WAY))
     return f"locobot:{folder}"
 
 

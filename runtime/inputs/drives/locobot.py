@@ -10,14 +10,18 @@ No public data in this form exists; the layout is edgemap's. Truth is `poses.tum
 odometry itself, which drifts.
 """
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.spatial_poses import planarise_base
-from edgemap.runtime.inputs.drives.camera_yaml import read_setup
+from edgemap.runtime.frames.trajectory import Trajectory, tum_line
+from edgemap.runtime.inputs.drives.camera_yaml import read_setup, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures
 from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_tum_3d, trajectory
-from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
+from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 
 
 def read_locobot(folder: Path) -> Drive:
@@ -39,3 +43,24 @@ def read_locobot(folder: Path) -> Drive:
         "locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel_path, depth=depth,
         depth_camera=setup.depth,
     )  # fmt: skip
+
+
+def write_locobot(
+    folder: str | Path,
+    intrinsics: Intrinsics,
+    mount: Mount,
+    rate_hz: float,
+    odometry: Iterable[Sequence[float]],
+    poses: Trajectory | None = None,
+) -> None:
+    """Write everything next to the pictures: `camera.yaml`, `odometry.csv`, and `poses.tum` with a truth.
+
+    odometry: rows (stamp_s, x_m, y_m, yaw_rad), one per picture. Pictures in `rgb/` and `depth/` are the caller's.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_camera_yaml(folder / "camera.yaml", intrinsics, mount, rate_hz)
+    write_wheel_csv(folder / "odometry.csv", odometry)
+    if poses is not None:
+        lines = [tum_line(stamp, pose) for stamp, pose in zip(poses.stamps_s, poses.poses, strict=True)]
+        (folder / "poses.tum").write_text("".join(lines))

@@ -18,7 +18,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.spatial_poses import planarise_camera, up_vector, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera
-from edgemap.runtime.inputs.drives import open_drive, write_drive
+from edgemap.runtime.inputs.drives import open_drive, write_drive, write_locobot
 from edgemap.runtime.inputs.drives.pose_files import read_stamps
 
 LENS, MOUNT = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5), Mount.from_degrees(0.6, 11.5)
@@ -253,12 +253,12 @@ def test_what_is_wrong_with_our_own_layout_is_named(tmp_path, name, content, tex
 def test_locobot_truth_is_its_odometry_unless_there_is_better(tmp_path):
     write_pictures(tmp_path / "rgb", 2)
     write_pictures(tmp_path / "depth", 2)
-    (tmp_path / "camera.yaml").write_text("{width: 64, height: 48, fx: 58.0, fy: 58.0, cx: 31.5, cy: 23.5, fps: 10.0}")
-    (tmp_path / "odometry.csv").write_text("stamp_s,x_m,y_m,yaw_rad\n3.0,1,1,1.5708\n3.1,1,1.4,1.5708\n")
+    write_locobot(tmp_path, LENS, MOUNT, 10.0, [(3.0, 1.0, 1.0, math.pi / 2), (3.1, 1.0, 1.4, math.pi / 2)])
     drive = open_drive(f"locobot:{tmp_path}")
     assert drive.truth.poses[1].vector() == pytest.approx([0.4, 0.0, 0.0], abs=1e-5)
     assert len(drive.depth) == 2
-    (tmp_path / "poses.tum").write_text("3.0 0 0 0 0 0 0 1\n3.1 0.5 0 0 0 0 0 1\n")
+    better = Trajectory(np.array([3.0, 3.1]), (SE2(), SE2(0.5, 0.0, 0.0)))
+    write_locobot(tmp_path, LENS, MOUNT, 10.0, [(3.0, 0, 0, 0), (3.1, 0.4, 0, 0)], better)
     assert open_drive(f"locobot:{tmp_path}").truth.poses[1].x_m == pytest.approx(0.5)
     (tmp_path / "odometry.csv").write_text("stamp_s,x_m,y_m,yaw_rad\n3.0,nan,0,0\n")
     assert "odometry.csv:2: x_m is nan" in refusal(f"locobot:{tmp_path}")
