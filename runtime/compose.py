@@ -45,7 +45,8 @@ def compose(
     Raises UsageError, OdometryError, CameraError or MapError.
     """
     check_size(camera)
-    odometry = replace_wheels(camera, spec.odometry)
+    with collected() as read:
+        odometry = replace_wheels(camera, spec.odometry)
     options = replace(
         spec,
         odometry=odometry,
@@ -57,10 +58,9 @@ def compose(
     if guess:  # which the camera's own lengths and rotations depend on
         judge = replace(config.odometry.judge, sigma=hypot(config.odometry.judge.sigma, guess.height_sigma))
         config = replace(config, odometry=replace(config.odometry, judge=judge))
-    with collected() as found:  # wheels and poses are read here
+    with collected() as opened:
         slam = build_slam(camera, bundle, floor, options, config)
-    if found:
-        camera.update_info(faults=(*camera.info.faults, *found))
+    camera.update_info(faults=(*camera.info.faults, *read, *opened))
     given = slam.pipeline.odometry.start if isinstance(slam.pipeline.odometry, JudgedOdometry) else None
     _enter_saved_map(
         slam.mapper, None if spec.map is None or str(spec.map) == AUTO else find_map(spec.map), spec, given

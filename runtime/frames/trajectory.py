@@ -2,7 +2,6 @@
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,9 +35,6 @@ class Trajectory:
             raise OdometryError(f"trajectory: {len(self.stamps_s)} stamps for {len(self.poses)} poses")
         if not np.all(np.isfinite(self.stamps_s)) or np.any(np.diff(self.stamps_s) <= 0):
             raise OdometryError("trajectory: stamps must be finite and strictly increasing")
-
-    def __str__(self) -> str:
-        return f"{len(self.poses)} poses"
 
     def at(self, stamp_s: float, tolerance_s: float = EDGE_S) -> SE2:
         """The pose at a stamp, interpolated. Raises OdometryError for a stamp outside by more than the tolerance."""
@@ -122,9 +118,6 @@ class GrowingTrack:
         self._poses: list[SE2] = []
         self._restarted = False
 
-    def __str__(self) -> str:
-        return "given poses"
-
     @property
     def _newest_s(self) -> float:
         return self._stamps[-1] if self._stamps else -math.inf
@@ -180,21 +173,6 @@ class GrowingTrack:
 
 
 PoseTrack = Trajectory | GrowingTrack
-
-
-@dataclass(frozen=True, slots=True)
-class TrackFile:
-    """Poses in a file, read when they are needed. spec: names the file. read: raises CameraError."""
-
-    spec: str
-    read: Callable[[str], Trajectory]
-
-    def __str__(self) -> str:
-        return self.spec
-
-    def track(self) -> Trajectory:
-        """Reads the file. Raises CameraError."""
-        return self.read(self.spec)
 
 
 SIGMA_RAD = math.radians(0.2)  # of a recorded pose: stamps of pictures and poses differ slightly

@@ -166,10 +166,6 @@ def use_trajectory(trajectory: Trajectory) -> None:
     assert (np.diff(trajectory.stamps_s) > 0.0).all()
 
 
-def use_wheels(path: Path) -> None:
-    use_trajectory(Trajectory(*read_wheel_csv(path)))
-
-
 def use_imu(path: Path) -> None:
     samples = read_imu_csv(path)
     finite(samples.stamps_s, samples.gyro_rad_s, samples.accel_m_s2)
@@ -237,7 +233,7 @@ READERS = {
     "sightings": ReaderCase("sightings.jsonl", mutated_lines(SEEN), lambda path: read_sightings(path.parent)),
     "true objects": ReaderCase("objects.json", mutated_json({"objects": [TRUTH, TRUTH | {"id": 2}]}), read_objects),
     "true boxes": ReaderCase("boxes.json", mutated_json({"frames": [[BOX, BOX | {"id": 2}], [], [BOX]]}), read_boxes),
-    "wheels": ReaderCase("wheel.csv", mutated_rows(WHEEL), use_wheels),
+    "wheels": ReaderCase("wheel.csv", mutated_rows(WHEEL), lambda path: use_trajectory(read_wheel_csv(path))),
     "IMU": ReaderCase("imu.csv", mutated_rows(IMU), use_imu),
     "TUM": ReaderCase("a.tum", mutated_rows(TUM), lambda path: use_trajectory(read_tum(path))),
     "TUM, 3-D": ReaderCase("a.tum", mutated_rows(TUM), lambda path: finite(*read_tum_3d(path))),

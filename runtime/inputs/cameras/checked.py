@@ -21,13 +21,13 @@ from edgemap.runtime.frames.frame import LARGEST_STAMP_S, Frame
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.program_camera import as_picture, described
 from edgemap.runtime.frames.reading import THEIRS, error_line, one_line, printable
-from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFile, Trajectory
+from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, Trajectory
 
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
 
 TYPES: dict[str, Any] = {
     "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "inference": Inference,
-    "wheel": TrackFile | PoseTrack, "edits": tuple, "live": bool, "frame_count": int,
+    "wheel": PoseTrack, "edits": tuple, "live": bool, "frame_count": int,
     "imu": ImuSamples, "calibration": Mapping, "notes": tuple, "faults": tuple, "tf": Callable,
 }  # fmt: skip
 

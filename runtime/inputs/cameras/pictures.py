@@ -17,7 +17,6 @@ from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import library_path, one_line
-from edgemap.runtime.inputs.cameras.kinds import wheel_file
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
 from edgemap.runtime.inputs.drives.pictures import (
@@ -248,7 +247,7 @@ def drive_camera(
         camera = VideoCamera(name, drive.video, intrinsics, mount, [float(stamp) for stamp in drive.stamps_s])
     else:
         camera = PicturesCamera(name, drive.images, drive.stamps_s, intrinsics, mount)
-    wheel = drive.wheel and wheel_file(drive.wheel)
-    camera.update_info(rate_hz=drive.rate_hz, truth=drive.truth, attitudes=drive.attitudes, wheel=wheel, imu=drive.imu)
+    known = {name: getattr(drive, name) for name in ("rate_hz", "truth", "attitudes", "wheel", "imu")}
+    camera.update_info(**known)
     camera.depth, camera.depth_camera = drive.depth, drive.depth_camera
     return camera

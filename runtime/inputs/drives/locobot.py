@@ -30,9 +30,9 @@ def read_locobot(folder: Path) -> Drive:
     depth = depth_beside(folder, len(images), folder / "rgb")
     setup = read_setup(folder, world_up="z")
     wheel_path = folder / "odometry.csv"
-    stamps, poses = read_wheel_csv(wheel_path)
+    wheel = read_wheel_csv(wheel_path)
+    stamps, truth = wheel.stamps_s, wheel.from_start()
     check_count(wheel_path, len(stamps), len(images), folder / "rgb")
-    truth = trajectory(wheel_path, stamps, poses)
     better = folder / "poses.tum"
     if better.is_file():
         _, matrices = read_tum_3d(better)
@@ -40,7 +40,7 @@ def read_locobot(folder: Path) -> Drive:
         truth = trajectory(better, stamps, planarise_base(matrices, setup.world_up))
     lens, mount, rate_hz = setup.intrinsics, setup.mount, setup.rate_hz
     return Drive(
-        "locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel_path, depth=depth,
+        "locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel, depth=depth,
         depth_camera=setup.depth,
     )  # fmt: skip
 

@@ -38,7 +38,7 @@ from edgemap.runtime.inputs.drives.pose_files import (
     read_tum_3d,
     trajectory,
 )
-from edgemap.runtime.inputs.drives.sensor_csv import write_wheel_csv
+from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 from edgemap.runtime.inputs.drives.truth import read_boxes
 
 VIDEO_NAME = "video.mp4"
@@ -74,7 +74,7 @@ def read_own(folder: Path) -> Drive:
     wheel, rate_hz = folder / "wheel.csv", camera.rate_hz or rate_of_stamps(stamps, DEFAULT_RATE_HZ)
     return Drive(
         "drive", folder, images, stamps, camera.intrinsics, camera.mount, rate_hz, truth,
-        boxes=boxes, wheel=wheel if wheel.is_file() else None, video=video,
+        boxes=boxes, wheel=read_wheel_csv(wheel) if wheel.is_file() else None, video=video,
         depth=depth_beside(folder, len(stamps), source), depth_camera=camera.depth, attitudes=attitudes,
     )  # fmt: skip
 

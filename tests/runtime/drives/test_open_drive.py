@@ -214,7 +214,7 @@ def test_our_own_layout_comes_back(tmp_path):
     assert (entry["id"], entry["on_floor"], entry["visible_frames"]) == ("chair-1", True, 3)
     assert [frame.labels for frame in drive.boxes] == [("chair",), (), ("chair",)]
     np.testing.assert_array_equal(drive.boxes[2].boxes, [[1, 2, 30, 40]])
-    assert drive.wheel == tmp_path / "d" / "wheel.csv"
+    assert drive.wheel.poses == (SE2(), SE2(0.1, 0.0, 0.01))
 
 
 def test_visibility_is_counted_from_the_boxes_where_the_file_does_not_say(tmp_path):
