@@ -22,10 +22,8 @@ class Clock:
 
 
 def picture(level, size=(6, 4)):
-    """Colourful, so that it is neither grey nor a repeat of another level's."""
-    image = np.full((size[1], size[0], 3), level % 256, np.uint8)
-    image[..., 0] = (level + 100) % 256
-    return image
+    """No repeat of another level's."""
+    return np.full((size[1], size[0], 3), level % 256, np.uint8)
 
 
 class ScriptedDriver:

@@ -81,15 +81,8 @@ class PictureCheck:
             self._report(CameraFault(kind, f"camera {self._name}: {text}"))
         self._now.add(kind)
 
-    def picture(
-        self, value: Any, depth: Any, grey: bool = False
-    ) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None] | None:
-        """The picture as BGR, (H, W, 3), and its depth, None where it is invalid; None for an invalid picture.
-        grey: whether one of a single channel is taken, with a fault."""
-        one_channel = isinstance(value, np.ndarray) and value.ndim > 1 and value.shape[2:] in ((), (1,))
-        if grey and one_channel and value.dtype == np.uint8:
-            self.note(FaultKind.GREY, "picture has one channel")
-            value = np.repeat(value.reshape(*value.shape[:2], 1), 3, axis=2)
+    def picture(self, value: Any, depth: Any) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None] | None:
+        """The picture as BGR, (H, W, 3), and its depth, None where it is invalid; None for an invalid picture."""
         try:
             image = as_picture(value, "picture")
         except CameraError as error:

@@ -179,13 +179,10 @@ def test_away_the_stream_time_goes_on():
     assert caught.value.state is CameraState.DEGRADED
 
 
-STILL = picture(77)
-
-
 @pytest.mark.parametrize(
     ("script", "expected", "delivered"),
     [
-        ({5: (100.55, picture(4)), 6: (100.55, picture(4))}, ["stamp", "stale"], 1),
+        ({5: (100.55, picture(4)), 6: (100.55, picture(4))}, [], 1),
         ({5: (float("nan"), picture(5))}, ["stamp"], 1),
         ({5: (float("inf"), picture(5))}, ["stamp"], 1),
         ({5: (1e308, picture(5))}, ["stamp"], 1),
@@ -194,16 +191,14 @@ STILL = picture(77)
         ({5: (100.6, picture(5, (8, 4)))}, ["size"], 0),
         ({5: (100.6, picture(5).astype(np.float32))}, ["format"], 0),
         ({5: (100.6, np.zeros((4, 6, 4), np.uint8))}, ["format"], 0),
-        ({5: (100.6, picture(5)[..., 1])}, ["grey"], 1),
-        ({5: (100.6, np.full((4, 6, 3), 128, np.uint8))}, ["grey"], 1),
-        ({5: (100.6, STILL), 6: (100.7, STILL), 7: (100.8, STILL)}, ["stale"], 3),
+        ({5: (100.6, picture(5)[..., 1])}, ["format"], 0),
     ],
 )
 def test_what_is_wrong_with_a_picture_is_named_and_stamps_go_on(script, expected, delivered):
     camera, driver, _ = scripted(script)
     faults = []
     frames = drain(camera, 30, faults)
-    assert kinds(faults) == expected or (kinds(faults) == ["stale"] and expected == ["stamp", "stale"])
+    assert kinds(faults) == expected
     assert driver.calls == ["open"]
     assert driver.grabs == 30 + len(script) - delivered
     assert increasing(frames).max() < 0.35
