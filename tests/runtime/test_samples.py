@@ -31,7 +31,7 @@ def test_one_stamp_costs_one_sample_and_one_fault_at_most(stamps, at, wrong):
     assert len(kept) >= len(stamps) - 2
 
 
-@pytest.mark.parametrize("coding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("coding", ["utf-8", "utf-8-sig"])
 @pytest.mark.parametrize(
     ("kind", "good", "bad"),
     [
@@ -63,7 +63,6 @@ def test_wheels_that_are_none(tmp_path):
     for rows, words in (
         ("0,0,0,0\n0.1,1e300,0,0\n", ":3: x_m is 1e+300, must be -1e+06 to 1e+06"),
         ("0,0,0,0\n\n0.1,nan,0,0\n", ":4: x_m is nan"),
-        ("0,0,0\n", "expected 4 finite numbers"),
         ("0,0,0,x\n", ":2: '0 0 0 x', expected 4 finite numbers a line, stamp_s x_m y_m yaw_rad"),
         ("0,0,0,0\n0,0,0,0\n", "not after 0.000000 s"),
         ("", "no rows"),

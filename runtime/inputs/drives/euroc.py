@@ -21,12 +21,12 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, Side, convert, read_bytes
 from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, poses_of
 from edgemap.runtime.frames.tables import Column, NumberTable, columns
-from edgemap.runtime.frames.trajectory import tum_rows
+from edgemap.runtime.frames.trajectory import Trajectory, tum_rows
 from edgemap.runtime.frames.yaml_file import read_yaml
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.drives.pose_files import rate_of_stamps, trajectory
+from edgemap.runtime.inputs.drives.pose_files import rate_of_stamps
 from edgemap.runtime.inputs.drives.sensor_csv import RATES
 
 T = TypeVar("T")
@@ -93,7 +93,7 @@ def read_euroc(folder: Path) -> Drive:
     return Drive(
         "euroc", folder, tuple(image for image, there in zip(images, known, strict=True) if there), taken[known],
         setup.intrinsics, setup.mount, rate_hz,
-        trajectory(truth, truth_stamps, planarise_camera(poses, setup.world_up, setup.mount)),
+        Trajectory(truth_stamps, planarise_camera(poses, setup.world_up, setup.mount)),
         attitudes=camera_attitudes(truth_stamps, poses, setup.world_up), imu=samples,
     )  # fmt: skip
 

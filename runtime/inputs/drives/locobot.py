@@ -20,7 +20,7 @@ from edgemap.runtime.frames.trajectory import Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_tum_3d, trajectory
+from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_tum_3d
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 
 
@@ -37,7 +37,7 @@ def read_locobot(folder: Path) -> Drive:
     if better.is_file():
         _, matrices = read_tum_3d(better)
         check_count(better, len(matrices), len(images), folder / "rgb")
-        truth = trajectory(better, stamps, planarise_base(matrices, setup.world_up))
+        truth = Trajectory(stamps, planarise_base(matrices, setup.world_up))
     lens, mount, rate_hz = setup.intrinsics, setup.mount, setup.rate_hz
     return Drive(
         "locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel, depth=depth,

@@ -36,7 +36,6 @@ from edgemap.runtime.inputs.drives.pose_files import (
     rate_of_stamps,
     read_stamps,
     read_tum_3d,
-    trajectory,
 )
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 from edgemap.runtime.inputs.drives.truth import read_boxes
@@ -53,7 +52,7 @@ def read_own(folder: Path) -> Drive:
     path = folder / "poses.tum"
     stamps, matrices = read_tum_3d(path)
     world_up = camera.world_up or "z"
-    truth = trajectory(path, stamps, planarise_base(matrices, world_up))
+    truth = Trajectory(stamps, planarise_base(matrices, world_up))
     attitudes = base_attitudes(stamps, matrices, world_up, camera.mount) if camera.mount else None
     source = folder / "images" if images else folder / VIDEO_NAME
     if (folder / "stamps.txt").is_file():
