@@ -1,7 +1,7 @@
 """Checks what third-party cameras and drivers return: it becomes a frame, a fault or the end, never a traceback."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
@@ -11,25 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
-from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.errors import CameraError, CameraFault, FrameTimeout
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import LARGEST_STAMP_S, Frame
-from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.program_camera import as_picture, described
 from edgemap.runtime.frames.reading import THEIRS, error_line, one_line, printable
-from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, Trajectory
 
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
-
-TYPES: dict[str, Any] = {
-    "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "inference": Inference,
-    "wheel": PoseTrack, "edits": tuple, "live": bool, "frame_count": int,
-    "imu": ImuSamples, "calibration": Mapping, "notes": tuple, "faults": tuple, "tf": Callable,
-}  # fmt: skip
 
 
 def stamp_of(value: Any) -> float:
@@ -111,11 +101,11 @@ class CheckedCamera(Camera):
     """A validated `Camera` of third-party code. Each error is reported once, as a fault, when it begins. A stamp that
     is not finite, or runs backwards, is replaced by the previous one plus a frame interval; invalid pictures and depths
     are dropped. After `FAILURES` reads in a row without a frame the camera is at its end.
-    Raises CameraError for a camera without a size, or whose `info` has a field of another type.
+    Raises CameraError for a camera without a size.
     """
 
-    def __init__(self, camera: Any, name: str = "") -> None:
-        """name: the SPEC that it was opened from; its own where empty."""
+    def __init__(self, camera: Any, name: str) -> None:
+        """name: the SPEC that it was opened from."""
         super().__init__(_checked_info(camera, name))
         self._camera = camera
         self._ahead: Frame | None = None
@@ -123,30 +113,19 @@ class CheckedCamera(Camera):
         self._check = PictureCheck(self.info.name, self.info.size, self._new.append)
         self._failures, self._offset_s = 0, 0.0
 
-    @property
-    def state(self) -> CameraState:
-        """The camera's state, where it is a valid one."""
-        with suppress(*THEIRS):
-            return CameraState(self._camera.state)
-        return CameraState.RUNNING
-
     def read(self) -> Frame | None:
         """The next frame; None at the end. Raises CameraFault once for each error, FrameTimeout while it lasts, and
         CameraError where the camera raises it or has failed for too long.
         """
         if not self._new and self._ahead is None:
+            self._check.begin()
             try:
-                value: Any = self._camera.read()
+                if (value := self._camera.read()) is None:
+                    return None
+                self._ahead = self._checked(value)
             except EdgemapError:
                 raise
             except THEIRS as error:
-                value = error
-            if value is None:
-                return None
-            self._check.begin()
-            try:
-                self._ahead = self._checked(value)
-            except Exception as error:
                 self._check.note(FaultKind.FAILED, f"read raised {error_line(error)}")
             self._failures = 0 if self._ahead is not None else self._failures + 1
             if self._failures > FAILURES:
@@ -158,25 +137,13 @@ class CheckedCamera(Camera):
         frame, self._ahead = self._ahead, None
         return frame
 
-    def object_records(self) -> list[dict[str, Any]] | None:
-        """The true objects, where the camera provides records."""
-        try:
-            records: list[dict[str, Any]] = list(self._camera.object_records() or ())
-        except EdgemapError:
-            raise
-        except THEIRS:
-            return None
-        return records if records and all(isinstance(record, dict) for record in records) else None
-
     def close(self) -> None:
         """Close it; errors of its code are ignored."""
         with suppress(*THEIRS):
             self._camera.close()
 
     def _checked(self, value: Any) -> Frame | None:
-        """A frame made of what was returned; None where it has no picture of this camera. Raises a returned error."""
-        if isinstance(value, Exception):
-            raise value
+        """A frame made of what was returned; None where it has no picture of this camera."""
         if not isinstance(value, Frame):
             self._check.note(FaultKind.FORMAT, f"read gave a {type(value).__name__}, not a Frame")
             return None
@@ -220,12 +187,6 @@ def _checked_info(camera: Any, name: str) -> CameraInfo:
         raise CameraError(f"camera {name}: its info raises {error_line(error)}") from None
     if not isinstance(info, CameraInfo):
         raise CameraError(f"camera {name}: its info is a {type(info).__name__}, not CameraInfo")
-    name = name or str(info.name)
-    for field, kind in TYPES.items():
-        value = getattr(info, field)
-        if value is not None and not isinstance(value, kind):
-            expected = getattr(kind, "__name__", kind)
-            raise CameraError(f"camera {name}: its {field} is a {type(value).__name__}, not {expected}")
     return replace(info, name=name, size=size_of(info.size, name), rate_hz=rate_of(info.rate_hz))
 
 
