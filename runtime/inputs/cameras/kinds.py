@@ -31,7 +31,7 @@ def replace_wheels(camera: Camera, odometry: str) -> str:
 
 
 class CameraKind(Protocol):
-    """Interface of the object of an entry point `KIND = module:object`. A module with both functions is sufficient.
+    """Interface of the object of an entry point `KIND = module:object`. A module with the functions is sufficient.
 
     `KIND` opens `--camera KIND[:ADDRESS]`; a name that begins with a dot, `.SUFFIX`, opens files that end so, and its
     address is the whole SPEC, `FILE.SUFFIX[#PART]`.
@@ -49,16 +49,13 @@ class CameraKind(Protocol):
         """(address, display name) of each connected camera, for `edgemap cameras`."""
         ...
 
-
-class FileKind(CameraKind, Protocol):
-    """A kind of files that have more than pictures in them."""
-
     def wheels(self, address: str) -> Trajectory:
-        """The wheels' poses in the file. Raises CameraError."""
+        """The wheels' poses in the file. Of kinds of files only. Raises CameraError."""
         ...
 
     def recorded_from(self, address: str) -> str | None:
-        """SPEC of the camera that the file was recorded from; None where it is unknown or the file is damaged."""
+        """SPEC of the camera that the file was recorded from, of kinds of files only; None where it is unknown or the
+        file is damaged."""
         ...
 
 
@@ -82,10 +79,10 @@ def _is_bag(folder: Path) -> bool:
     )
 
 
-def file_kind(spec: str) -> FileKind | None:
+def file_kind(spec: str) -> CameraKind | None:
     """The kind of a file, by its suffix. Raises PluginError."""
     kind = kind_of(spec)
-    return cast(FileKind, load_plugin(kind[0])) if kind and kind[0].name.startswith(".") else None
+    return cast(CameraKind, load_plugin(kind[0])) if kind and kind[0].name.startswith(".") else None
 
 
 def recorded_from(spec: str) -> str:
