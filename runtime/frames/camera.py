@@ -207,9 +207,8 @@ class Driver(Protocol):
         """Open the camera. Raises CameraError, or whatever its library raises, where that fails."""
         ...
 
-    def reset(self) -> bool:
-        """Reset the hardware of a closed camera; False where it cannot be reset."""
-        return False
+    def reset(self) -> None:
+        """Reset the hardware of a closed camera, where it can be reset."""
 
     def watch(self, changed: Callable[[bool], None]) -> None:
         """Have `changed(present)` called, from any thread, when the device is plugged in (True) or removed (False)."""

@@ -32,8 +32,8 @@ class ScriptedDriver:
 
     name = "fake"
 
-    def __init__(self, clock, script=None, rate_hz=10.0, closed=0, resets=True, size=(6, 4)):
-        self.clock, self.script, self.closed, self.resets = clock, dict(script or {}), closed, resets
+    def __init__(self, clock, script=None, rate_hz=10.0, closed=0, size=(6, 4)):
+        self.clock, self.script, self.closed = clock, dict(script or {}), closed
         self.period_s, self.size, self.rate_hz, self.intrinsics = 1.0 / rate_hz, size, rate_hz, None
         self.calls, self.opened, self.grabs, self.changed = [], 0, 0, None
 
@@ -62,7 +62,6 @@ class ScriptedDriver:
 
     def reset(self):
         self.calls.append("reset")
-        return self.resets
 
     def watch(self, changed):
         self.changed = changed

@@ -174,13 +174,11 @@ class RealSenseDriver:
         config.enable_device(self._serial)
         return config
 
-    def reset(self) -> bool:
-        """Hardware reset by librealsense: the device leaves the bus and returns. False where it is not connected."""
+    def reset(self) -> None:
+        """Hardware reset by librealsense: the device leaves the bus and returns."""
         for device in self._context.query_devices():
             if device.get_info(self._rs.camera_info.serial_number) == self._serial:
                 device.hardware_reset()
-                return True
-        return False
 
     def watch(self, changed: Callable[[bool], None]) -> None:
         """Call `changed(True)` where any device is connected, `changed(False)` where this one is disconnected."""

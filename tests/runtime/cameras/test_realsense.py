@@ -185,7 +185,3 @@ def test_librealsenses_device_change_callback_says_what_came(realsense_recording
     driver.plug_in()
     assert changed.wait(5.0)
     assert told == [True]
-
-
-def test_a_reset_without_a_device_does_nothing(realsense_recording):
-    assert not Playback(realsense_recording[0]).reset()
