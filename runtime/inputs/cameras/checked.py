@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
-from edgemap.runtime.frames.errors import CameraError, CameraFault, FrameTimeout
+from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import LARGEST_STAMP_S, Frame
 from edgemap.runtime.frames.program_camera import as_picture, described
@@ -46,8 +46,8 @@ def size_of(value: Any, name: str) -> tuple[int, int]:
 
 def rate_of(value: Any) -> float | None:
     """A nominal frame rate in Hz; None where the value is invalid."""
-    rate = stamp_of(value)
-    return rate if rate > 0.0 else None
+    rate_hz = stamp_of(value)
+    return rate_hz if 0.0 < rate_hz <= 1000.0 else None  # time bases of streams are faster
 
 
 class PictureCheck:
@@ -104,14 +104,21 @@ class CheckedCamera(Camera):
     Raises CameraError for a camera without a size.
     """
 
-    def __init__(self, camera: Any, name: str) -> None:
-        """name: the SPEC that it was opened from."""
+    def __init__(self, camera: Any, name: str = "") -> None:
+        """name: the SPEC that it was opened from; its own where empty."""
         super().__init__(_checked_info(camera, name))
         self._camera = camera
         self._ahead: Frame | None = None
         self._new: list[CameraFault] = []
         self._check = PictureCheck(self.info.name, self.info.size, self._new.append)
         self._failures, self._offset_s = 0, 0.0
+
+    @property
+    def state(self) -> CameraState:
+        """The camera's state, where it is a valid one."""
+        with suppress(*THEIRS):
+            return CameraState(self._camera.state)
+        return CameraState.RUNNING
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Raises CameraFault once for each error, FrameTimeout while it lasts, and
@@ -187,6 +194,7 @@ def _checked_info(camera: Any, name: str) -> CameraInfo:
         raise CameraError(f"camera {name}: its info raises {error_line(error)}") from None
     if not isinstance(info, CameraInfo):
         raise CameraError(f"camera {name}: its info is a {type(info).__name__}, not CameraInfo")
+    name = name or str(info.name)
     return replace(info, name=name, size=size_of(info.size, name), rate_hz=rate_of(info.rate_hz))
 
 

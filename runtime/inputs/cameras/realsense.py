@@ -17,8 +17,6 @@ from edgemap.runtime.frames.limits import SILENCE_S
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, Aligned, start_motion, started, stop, to_bgr
 
-USUAL_MODE = 640, 480, 30  # px, px, Hz
-
 
 def import_realsense() -> ModuleType:
     """The librealsense module. Raises MissingExtraError, naming the remedy, where it or libusb is missing."""
@@ -44,11 +42,6 @@ def _kept_context() -> Any:
 
     rs: Any = pyrealsense2
     return rs.context()
-
-
-def is_recording(rest: str) -> bool:
-    """Whether the address after `realsense:` is a file and not a serial number."""
-    return rest.endswith((".db3", ".bag")) or "/" in rest
 
 
 def lens_of(profile: Any, name: str) -> Intrinsics:
@@ -135,8 +128,7 @@ class RealSenseDriver:
         """Start the colour stream. Raises CameraError where there is no such device or it does not start."""
         rs, failure = self._rs, None
         config = self.config()
-        width, height, rate_hz = USUAL_MODE
-        usual, any_size = (rs.stream.color, width, height, rs.format.bgr8, rate_hz), (rs.stream.color,)
+        usual, any_size = (rs.stream.color, 640, 480, rs.format.bgr8, 30), (rs.stream.color,)
         for wish, with_depth in product((usual, any_size), (True, False) if self._depth else (False,)):
             pipeline = rs.pipeline(self._context)
             config.disable_all_streams()

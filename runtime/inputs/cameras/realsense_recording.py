@@ -81,11 +81,6 @@ class RealSenseRecording(Camera):
         colour = next((colour for frames in self._sets if (colour := frames.get_color_frame())), None)
         return None if colour is None else self._frame(colour)
 
-    @property
-    def stopped(self) -> bool:
-        """Whether librealsense has read the recording to its end, or playback was stopped."""
-        return self._playback.current_status() == self._rs.playback_status.stopped
-
     def close(self) -> None:
         """Stop playback."""
         if self._depth is not None:

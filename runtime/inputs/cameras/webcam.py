@@ -1,6 +1,5 @@
 """Cameras through OpenCV: a USB camera by V4L2, and a network camera, `rtsp://` or `http(s)://`, by FFmpeg."""
 
-import math
 import os
 import time
 from pathlib import Path
@@ -23,8 +22,7 @@ class CaptureDevice:
 
     def __init__(self, capture: cv2.VideoCapture, name: str) -> None:
         self._capture, self._name = capture, name
-        rate = capture.get(cv2.CAP_PROP_FPS)
-        self.rate_hz: float | None = float(rate) if math.isfinite(rate) and 0.0 < rate <= 1000.0 else None
+        self.rate_hz: float | None = capture.get(cv2.CAP_PROP_FPS)
         width, height = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
         self.size = (int(width), int(height))
         self._device_clock: bool | None = None

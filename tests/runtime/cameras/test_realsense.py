@@ -136,11 +136,11 @@ def test_the_thread_that_reads_a_recording_is_done_when_it_is_closed(realsense_r
     for _ in range(times):
         camera = open_camera(f"realsense:{realsense_recording[0]}")
         assert isinstance(camera, RealSenseRecording)
-        assert not camera.stopped  # begun, not yet at its end
+        assert camera._playback.current_status() != rs.playback_status.stopped  # begun, not yet at its end
         for _ in range(reads):
             camera.read()
         camera.close()
-        assert camera.stopped
+        assert camera._playback.current_status() == rs.playback_status.stopped
 
 
 @pytest.mark.parametrize("room", ["recorded_motion", "depth_beside"])
