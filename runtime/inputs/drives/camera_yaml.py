@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import yaml
 from msgspec import Meta
+from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
@@ -18,7 +19,7 @@ from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, Name, Side, Strict, convert
-from edgemap.runtime.frames.spatial_poses import poses_of, quaternion_of
+from edgemap.runtime.frames.spatial_poses import poses_of
 from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE
 from edgemap.runtime.frames.yaml_file import read_yaml
 from edgemap.runtime.inputs.drives.lens_files import read_foreign_lens
@@ -146,7 +147,7 @@ def write_camera_yaml(
     if depth is not None:
         tree["depth"] = _lens(depth.intrinsics) | {
             "position_m": depth.position_m.tolist(),
-            "quaternion_xyzw": quaternion_of(depth.rotation).tolist(),
+            "quaternion_xyzw": Rotation.from_matrix(depth.rotation).as_quat(canonical=True).tolist(),
         }
     if calibration:
         tree["calibration"] = calibration
