@@ -13,7 +13,7 @@ from edgemap.runtime.frames.camera import Camera, check_size
 from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.notes import collected
 from edgemap.runtime.frames.option_texts import known_names, numbers
-from edgemap.runtime.inputs.cameras.kinds import replace_wheels
+from edgemap.runtime.inputs.cameras.kinds import read_wheels
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.motion.camera_guess import CameraGuess
 from edgemap.runtime.motion.odometry.judged import JudgedOdometry
@@ -45,8 +45,11 @@ def compose(
     Raises UsageError, OdometryError, CameraError or MapError.
     """
     check_size(camera)
+    odometry = spec.odometry
     with collected() as read:
-        odometry = replace_wheels(camera, spec.odometry)
+        if odometry.startswith("wheel:"):
+            camera.update_info(wheel=read_wheels(odometry.removeprefix("wheel:")))
+            odometry = "wheel"
     options = replace(
         spec,
         odometry=odometry,

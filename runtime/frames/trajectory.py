@@ -55,19 +55,15 @@ class Trajectory:
         return Trajectory(self.stamps_s, tuple(origin @ pose for pose in self.poses))
 
 
-def parse_tum(data: bytes | str, path: str) -> Trajectory:
+def parse_tum(data: bytes, path: str) -> Trajectory:
     """Planar poses from TUM text: `stamp x y z qx qy qz qw` per line, z up, `#` starts a comment. path: for messages.
 
     Raises OdometryError with the line number for a line that is not eight finite numbers with a unit quaternion.
     """
-    rows = tum_rows(data.encode() if isinstance(data, str) else data, path, OdometryError)
+    rows = tum_rows(data, path, OdometryError)
     qx, qy, qz, qw = rows[:, 4:].T
     yaws = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-    poses = tuple(SE2(*pose) for pose in np.column_stack([rows[:, 1:3], yaws]).tolist())
-    try:
-        return Trajectory(rows[:, 0], poses)
-    except OdometryError as error:
-        raise OdometryError(f"{path}: {error}") from None
+    return Trajectory(rows[:, 0], tuple(SE2(*pose) for pose in np.column_stack([rows[:, 1:3], yaws]).tolist()))
 
 
 def tum_rows(data: bytes, path: str, error: type[EdgemapError], table: NumberTable = TUM) -> NDArray[np.float64]:

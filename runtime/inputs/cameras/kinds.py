@@ -12,22 +12,11 @@ from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
 
-PREFIX = "wheel:"
-
 
 def read_wheels(spec: str) -> Trajectory:
     """The wheels' poses in `FILE.csv`, or in a file of a camera kind (`FILE.mcap[#/topic]`). Raises CameraError."""
     kind = file_kind(spec)
     return read_wheel_csv(Path(spec)) if kind is None else kind.wheels(spec)
-
-
-def replace_wheels(camera: Camera, odometry: str) -> str:
-    """With the odometry `wheel:FILE` the camera gets the wheels of that file. Returns the odometry without the file.
-    Raises CameraError."""
-    if not odometry.startswith(PREFIX):
-        return odometry
-    camera.update_info(wheel=read_wheels(odometry.removeprefix(PREFIX)))
-    return "wheel"
 
 
 class CameraKind(Protocol):
