@@ -3,7 +3,6 @@
 import os
 import time
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
@@ -12,7 +11,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import Driver, Picture
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.limits import PATIENCE_S, SILENCE_S
-from edgemap.runtime.frames.reading import library_path, one_line, without_secrets
+from edgemap.runtime.frames.reading import library_path, without_secrets
 
 
 class CaptureDevice:
@@ -72,10 +71,6 @@ class StreamDriver(Driver):
     """Opens the address. Its password, where it has one, stays out of every message."""
 
     def __init__(self, url: str) -> None:
-        try:
-            urlsplit(url)
-        except ValueError as error:  # `rtsp://[`
-            raise CameraError(f"{without_secrets(url)}: not an address ({one_line(error)})") from None
         self.name = without_secrets(url)
         self._url = url
 
