@@ -72,7 +72,8 @@ def _of_kalibr(tree: Tree) -> Intrinsics:
     if (model := str(camera.get("camera_model", "pinhole"))) != "pinhole":
         raise CameraError(f"camera_model {one_line(model, 40)!r} is not supported (pinhole is)")
     coefficients = camera.get("distortion_coeffs", camera.get("distortion_coefficients", []))
-    distortion = Distortion.named(str(camera.get("distortion_model", "none")), coefficients)
+    usual = "radtan" if coefficients else "none"
+    distortion = Distortion.named(str(camera.get("distortion_model", usual)), coefficients)
     return _lens(camera["resolution"], camera["intrinsics"], distortion)
 
 
