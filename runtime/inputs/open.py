@@ -92,7 +92,7 @@ def _open_realsense(rest: str, name: str, how: CameraOptions) -> Camera:
     from edgemap.runtime.inputs.cameras.realsense_recording import RealSenseRecording
 
     if rest.endswith((".db3", ".bag")) or "/" in rest:  # no serial number
-        return RealSenseRecording(user_path(rest), name, how.intrinsics, how.mount, how.depth)
+        return RealSenseRecording(user_path(rest), name, how)
     driver = RealSenseDriver(name, rest or None, how.depth)
     return ImuCamera(_open_live(driver, how), driver.imu)
 

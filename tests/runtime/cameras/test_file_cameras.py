@@ -112,21 +112,16 @@ def test_a_video_that_does_not_match_its_poses_is_an_error(tmp_path, frames, tex
         stamps_of(camera)
 
 
-def a_clock():
-    """now[0], waits, and a sleep that both follow."""
+def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path, monkeypatch):
+    write_pictures(tmp_path / "p", 4)
     now, waits = [50.0], []
 
     def sleep(seconds):
         waits.append(seconds)
         now[0] += seconds
 
-    return now, waits, sleep
-
-
-def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path):
-    write_pictures(tmp_path / "p", 4)
-    now, waits, sleep = a_clock()
-    camera = PacedCamera(open_camera(str(tmp_path / "p")), clock_s=lambda: now[0], sleep=sleep)
+    monkeypatch.setattr("time.sleep", sleep)
+    camera = PacedCamera(open_camera(str(tmp_path / "p")), clock_s=lambda: now[0])
     assert camera.read().stamp_s == 0.0
     now[0] += 0.03  # the reader works
     assert camera.read().stamp_s == 0.1
