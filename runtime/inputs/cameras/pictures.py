@@ -68,8 +68,6 @@ class VideoCamera(FileCamera):
         stamps_s: Sequence[float] | None = None,
     ) -> None:
         super().__init__(CameraInfo(name, intrinsics=intrinsics, mount=mount))
-        if not path.is_file():
-            raise CameraError(f"{path}: no such file")
         if _is_text(path):  # a list of other files, which FFmpeg would play
             raise CameraError(f"{path}: a text, not a video")
         self._path, self._stamps_s, self._first_s = path, stamps_s, 0.0

@@ -49,8 +49,6 @@ def list_pictures(folder: Path) -> tuple[Path, ...]:
 
 def first_folder(folder: Path, names: tuple[str, ...]) -> Path:
     """The first of the sub-folders that holds pictures, or else the folder itself."""
-    if not folder.is_dir():
-        raise CameraError(f"{printable(folder)}: no such folder")
     return next((folder / name for name in names if has_pictures(folder / name)), folder)
 
 

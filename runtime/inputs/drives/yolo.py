@@ -43,8 +43,6 @@ def read_yolo(folder: Path) -> Drive:
         check_count(folder / "boxes.json", len(known), len(images), folder / "images")
         return _drive(folder, images, known)
     labels = folder / "labels"
-    if not labels.is_dir():
-        raise CameraError(f"{labels}: no such folder")
     paths = [labels / f"{image.stem}.txt" for image in images]
     if not any(path.is_file() for path in paths):
         raise CameraError(f"{labels}: no label file for any of the {len(images)} pictures in {folder / 'images'}")
