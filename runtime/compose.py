@@ -61,7 +61,7 @@ def compose(
     if guess:  # which the camera's own lengths and rotations depend on
         judge = replace(config.odometry.judge, sigma=hypot(config.odometry.judge.sigma, guess.height_sigma))
         config = replace(config, odometry=replace(config.odometry, judge=judge))
-    with collected() as opened:
+    with collected() as opened:  # the poses of others are read here
         slam = build_slam(camera, bundle, floor, options, config)
     camera.update_info(faults=(*camera.info.faults, *read, *opened))
     given = slam.pipeline.odometry.start if isinstance(slam.pipeline.odometry, JudgedOdometry) else None

@@ -243,7 +243,8 @@ def drive_camera(
         camera = VideoCamera(name, drive.video, intrinsics, mount, [float(stamp) for stamp in drive.stamps_s])
     else:
         camera = PicturesCamera(name, drive.images, drive.stamps_s, intrinsics, mount)
-    known = {name: getattr(drive, name) for name in ("rate_hz", "truth", "attitudes", "wheel", "imu")}
-    camera.update_info(**known)
+    camera.update_info(
+        rate_hz=drive.rate_hz, truth=drive.truth, attitudes=drive.attitudes, wheel=drive.wheel, imu=drive.imu
+    )
     camera.depth, camera.depth_camera = drive.depth, drive.depth_camera
     return camera
