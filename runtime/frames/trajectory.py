@@ -55,20 +55,9 @@ class Trajectory:
         return Trajectory(self.stamps_s, tuple(origin @ pose for pose in self.poses))
 
 
-def parse_tum(data: bytes, path: str) -> Trajectory:
-    """Planar poses from TUM text: `stamp x y z qx qy qz qw` per line, z up, `#` starts a comment. path: for messages.
-
-    Raises OdometryError with the line number for a line that is not eight finite numbers with a unit quaternion.
-    """
-    rows = tum_rows(data, path, OdometryError)
-    qx, qy, qz, qw = rows[:, 4:].T
-    yaws = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-    return Trajectory(rows[:, 0], tuple(SE2(*pose) for pose in np.column_stack([rows[:, 1:3], yaws]).tolist()))
-
-
 def tum_rows(data: bytes, path: str, error: type[EdgemapError], table: NumberTable = TUM) -> NDArray[np.float64]:
-    """The numbers of TUM text, (N, 8), quaternions scaled to length 1; lines that are no samples are dropped and
-    counted. Raises `error` where half of them are none."""
+    """The numbers of TUM text, (N, 8), `stamp x y z qx qy qz qw` per line, quaternions scaled to length 1; lines that
+    are no samples are dropped and counted. Raises `error` where half of them are none."""
     numbers, rows = table.parse(data, path, error)
     norms = np.linalg.norm(rows[:, 4:], axis=1)
     unit = np.abs(norms - 1.0) <= QUATERNION_TOLERANCE
@@ -95,7 +84,12 @@ def trajectory_of(path: Path) -> Trajectory | None:
         return None
     data = read_bytes(path, OdometryError)
     whole = data[: data.rfind(b"\n") + 1]  # a power cut may leave a torn last line
-    return parse_tum(whole, str(path)) if whole.strip() else None
+    if not whole.strip():
+        return None
+    rows = tum_rows(whole, str(path), OdometryError)
+    qx, qy, qz, qw = rows[:, 4:].T
+    yaws = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    return Trajectory(rows[:, 0], tuple(SE2(*pose) for pose in np.column_stack([rows[:, 1:3], yaws]).tolist()))
 
 
 KEPT = 500  # poses, which are read again for every frame

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.refusal import refused
-from support.tum import read_tum
 
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.notes import collected
 from edgemap.runtime.frames.stamps import followed
+from edgemap.runtime.frames.trajectory import trajectory_of
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
 
 RISING = st.lists(st.floats(0.001, 3600.0), min_size=6, max_size=40).map(lambda steps: list(np.cumsum(steps)))
@@ -44,13 +44,13 @@ def test_rows_that_are_none_are_dropped_and_counted(tmp_path, coding, kind, good
     read, head = {
         "wheel": (read_wheel_csv, "stamp_s,x_m,y_m,yaw_rad"),
         "imu": (read_imu_csv, "stamp_s,gx,gy,gz,ax,ay,az"),
-        "tum": (read_tum, "# stamp x y z qx qy qz qw"),
+        "tum": (trajectory_of, "# stamp x y z qx qy qz qw"),
     }[kind]
     lines = [good.format(stamp) for stamp in range(1, 21)]
     for place, line in enumerate(bad):
         lines.insert(3 * place + 3, line.format(3 * place + 2.5))
-    path = tmp_path / "file.txt"
-    path.write_text("\n".join([head, *lines]), encoding=coding)
+    path = tmp_path / "trajectory.tum"
+    path.write_text("\n".join([head, *lines, ""]), encoding=coding)
     with collected() as notes:
         found = read(path)
     np.testing.assert_array_equal(found.stamps_s, np.arange(1.0, 21.0))
