@@ -16,7 +16,6 @@ import tyro
 from edgemap.benchmarks.score import ScoreOptions, homes_of
 from edgemap.benchmarks.score import main as print_score
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.runtime.frames.trajectory import TrackFile
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.network.bundle import Bundle, load_bundle
@@ -55,8 +54,8 @@ def write_map(home: Path, out: Path, bundle: Bundle, options: BaselineOptions) -
     """The map of one home."""
     drive = open_drive(f"drive:{home}")
     camera, detect = drive_camera(drive, str(home)), Detector(bundle)
-    lens, mount, wheels = camera.info.intrinsics, camera.info.mount, camera.info.wheel
-    poses = wheels.track().from_start() if options.poses == "wheels" and isinstance(wheels, TrackFile) else drive.truth
+    lens, mount = camera.info.intrinsics, camera.info.mount
+    poses = drive.wheel.from_start() if options.poses == "wheels" and drive.wheel is not None else drive.truth
     if lens is None or mount is None or poses is None:
         raise SystemExit(f"{home}: the baseline needs lens, mount and poses")
     floor, objects = FloorCamera(lens, mount), list[tuple[str, list[np.ndarray]]]()

@@ -20,7 +20,7 @@ from edgemap.benchmarks.rooms import rendered
 from edgemap.evaluation.detection import Counts, ScoredPicture, counts_by_class
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.inputs.drives import READERS, open_drive
-from edgemap.runtime.inputs.drives.open import LabelledPictures
+from edgemap.runtime.inputs.drives.open import labelled_pictures
 from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
@@ -116,7 +116,7 @@ def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any]
     detector = Detector(bundle, Decoder(bundle.manifest.detector, bundle.manifest.confidence, one_name=True))
     number = {name: index for index, name in enumerate(bundle.names)}
     pictures = []
-    for index, (image, truth) in enumerate(LabelledPictures(drive, frames)):
+    for index, (image, truth) in enumerate(labelled_pictures(drive, frames)):
         if index not in chosen:
             continue
         size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()

@@ -105,7 +105,6 @@ def _by_edges(
     from edgemap.geometry.camera.level import pitch_roll
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.frames.errors import CalibrationError
-    from edgemap.runtime.frames.trajectory import TrackFile
 
     try:
         with calibration.open() as source:
@@ -123,9 +122,7 @@ def _by_edges(
     if height is None:
         with calibration.open(topics) as source, stop_on_signals() as stop:
             wheels: Any = source.info.wheel
-            if isinstance(wheels, TrackFile):
-                wheels = wheels.track()
-            elif calibration.frames is None:
+            if source.info.live and calibration.frames is None:
                 print("drive straight on over free floor; Ctrl-C ends it", flush=True)
             rolled = fit_wheel_height(frames_of(source, calibration.frames, stop.is_set), wheels, lens, tilted)
         tilted, sigma_m = replace(tilted, height_m=rolled.height_m), rolled.sigma_m

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from edgemap.cli.arguments import arg
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Json, at_least, figure, in_unit, print_json
-from edgemap.runtime.frames.errors import BundleError, UsageError
+from edgemap.runtime.frames.errors import BundleError, CameraError, UsageError
 
 if TYPE_CHECKING:
     from edgemap.evaluation.detection import ScoredPicture
@@ -59,7 +59,7 @@ def command(
 
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.detection import ScoredPicture, average_precision, operating_point
-    from edgemap.runtime.inputs.drives.open import labelled_pictures
+    from edgemap.runtime.inputs.drives.open import labelled_pictures, open_drive
     from edgemap.runtime.network.decode import Decoder, Detector
 
     at_least(1, frames=frames)
@@ -82,7 +82,11 @@ def command(
 
         mistakes = Mistakes(loaded.names)
     with as_data(data, frames, quiet=json) as folder:
-        for image, truth in tqdm(labelled_pictures(folder, frames), unit=" pictures", disable=json or None):
+        drive = open_drive(folder)
+        if not drive.boxes:
+            raise CameraError(f"{folder}: no true boxes in it (yolo labels, or boxes.json beside a drive)")
+        known, count = labelled_pictures(drive, frames), len(drive.boxes[:frames])
+        for image, truth in tqdm(known, total=count, unit=" pictures", disable=json or None):
             unknown += sum(label not in number for label in truth.labels)
             size, outputs = (image.shape[1], image.shape[0]), detector.raw(image)
             compare = partial(ScoredPicture.compare, size, truth.boxes, truth.labels, truth.ignorable())

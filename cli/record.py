@@ -40,7 +40,7 @@ def command(
     from edgemap.runtime.frames.camera import CameraOptions, next_frame
     from edgemap.runtime.frames.errors import RecordingError
     from edgemap.runtime.frames.reading import print_message
-    from edgemap.runtime.frames.trajectory import TrackFile
+    from edgemap.runtime.frames.trajectory import Trajectory
     from edgemap.runtime.inputs.cameras.kinds import read_wheels
 
     at_least(1, frames=frames)
@@ -48,8 +48,8 @@ def command(
     track = None if wheel is None else read_wheels(wheel)
     how = CameraOptions(realtime=realtime, topics=sensor_topics(topics), depth=not without_depth)
     with source.open(how) as camera:
-        if track is None and isinstance(camera.info.wheel, TrackFile):
-            track = camera.info.wheel.track()
+        if track is None and isinstance(camera.info.wheel, Trajectory):
+            track = camera.info.wheel
         lens = read_intrinsics(source.intrinsics, *camera.info.size) or camera.info.intrinsics
         facts = Facts(camera.info.name, lens, read_mount(source.mount, camera.info.mount), camera.info.rate_hz)
         with stop_on_signals() as stop:

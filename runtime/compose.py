@@ -13,7 +13,7 @@ from edgemap.runtime.frames.camera import Camera, check_size
 from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.notes import collected
 from edgemap.runtime.frames.option_texts import known_names, numbers
-from edgemap.runtime.inputs.cameras.kinds import replace_wheels
+from edgemap.runtime.inputs.cameras.kinds import read_wheels
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
 from edgemap.runtime.motion.camera_guess import CameraGuess
 from edgemap.runtime.motion.odometry.judged import JudgedOdometry
@@ -45,7 +45,11 @@ def compose(
     Raises UsageError, OdometryError, CameraError or MapError.
     """
     check_size(camera)
-    odometry = replace_wheels(camera, spec.odometry)
+    odometry = spec.odometry
+    with collected() as read:
+        if odometry.startswith("wheel:"):
+            camera.update_info(wheel=read_wheels(odometry.removeprefix("wheel:")))
+            odometry = "wheel"
     options = replace(
         spec,
         odometry=odometry,
@@ -57,10 +61,9 @@ def compose(
     if guess:  # which the camera's own lengths and rotations depend on
         judge = replace(config.odometry.judge, sigma=hypot(config.odometry.judge.sigma, guess.height_sigma))
         config = replace(config, odometry=replace(config.odometry, judge=judge))
-    with collected() as found:  # wheels and poses are read here
+    with collected() as opened:  # the poses of others are read here
         slam = build_slam(camera, bundle, floor, options, config)
-    if found:
-        camera.update_info(faults=(*camera.info.faults, *found))
+    camera.update_info(faults=(*camera.info.faults, *read, *opened))
     given = slam.pipeline.odometry.start if isinstance(slam.pipeline.odometry, JudgedOdometry) else None
     _enter_saved_map(
         slam.mapper, None if spec.map is None or str(spec.map) == AUTO else find_map(spec.map), spec, given

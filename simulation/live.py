@@ -3,7 +3,7 @@
 from typing import Any
 
 from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraOptions
-from edgemap.runtime.frames.errors import CameraSpecError
+from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import Frame
 from edgemap.simulation.record import truth_of
@@ -51,11 +51,11 @@ class SimCamera(Camera):
 def open(address: str, how: CameraOptions = CameraOptions()) -> SimCamera:  # noqa: B008
     """The camera `sim:SEED`, for the entry point of its kind: 450 pictures by default.
 
-    Raises CameraSpecError for a seed that is no number, and MissingExtraError where the extra is missing.
+    Raises UsageError for a seed that is no number, and MissingExtraError where the extra is missing.
     """
     spec = f"sim:{address}"
     if not address.isdecimal() or len(address) > SEED_DIGITS:
-        raise CameraSpecError(f"camera {spec!r}: expected sim:SEED with a whole number, 0 or more")
+        raise UsageError(f"camera {spec!r}: expected sim:SEED with a whole number, 0 or more")
     need("simulation", spec, RENDERERS)
     camera = SimCamera(spec, draw_world(int(address), how.frames or len(CONTRACT_STAMPS_S)))
     camera.update_info(intrinsics=how.intrinsics or camera.info.intrinsics, mount=how.mount or camera.info.mount)

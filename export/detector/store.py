@@ -15,7 +15,7 @@ from edgemap.export.errors import ExportError
 from edgemap.geometry.objects.visibility import iou
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.inputs.drives.drive import SEEN_SHARE, LabelledBoxes
-from edgemap.runtime.inputs.drives.open import READERS, LabelledPictures, open_drive
+from edgemap.runtime.inputs.drives.open import READERS, labelled_pictures, open_drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.yolo import DOUBT_SCORE, predicted_boxes
 from edgemap.runtime.network.bundle import Bundle
@@ -144,7 +144,7 @@ def _load(spec: str, number: dict[str, int], size: int, limit: int | None, teach
         return
     drive = open_drive(spec)
     if not drive.images:
-        for image, boxes in LabelledPictures(drive, limit):
+        for image, boxes in labelled_pictures(drive, limit):
             yield _example(image, boxes, number, size)
         return
     count = min(len(drive.images), len(drive.boxes))

@@ -19,7 +19,7 @@ from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import printable
-from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFile, Trajectory
+from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, Trajectory
 
 DEFAULT_RATE_HZ = 10.0  # of pictures without stamps
 NO_DEPTH = "none at the time of the picture"
@@ -33,8 +33,8 @@ class CameraInfo:
     intrinsics for another size of the same shape are scaled. live: true for devices that produce frames independently
     of `read`. rate_hz: nominal frame rate, None if unknown. frame_count: None for live sources. truth: the drive's
     poses from its start, None where unknown. attitudes: those of the lens with them, None where the poses are planar.
-    wheel: wheel odometry that came with the pictures, a file or poses that come live, None where there is none. imu:
-    all inertial samples of a recording. inference: of the run that made this recording, None where there is none.
+    wheel: wheel odometry that came with the pictures, recorded or live, None where there is none. imu: all inertial
+    samples of a recording. inference: of the run that made this recording, None where there is none.
     edits: of that run, as lines of edits.jsonl. calibration: of a recording, how intrinsics and mount were determined,
     as in camera.yaml. notes: what was taken of the source and what was not, as lines. faults: of what was read before
     the first frame. tf: gives the base's poses by a recording's tf (`motion.given_poses.GivenPoses`) for `MAP,BASE` and
@@ -50,7 +50,7 @@ class CameraInfo:
     frame_count: int | None = None
     truth: Trajectory | None = None
     attitudes: AttitudeTrack | None = None
-    wheel: TrackFile | PoseTrack | None = None
+    wheel: PoseTrack | None = None
     imu: ImuSamples | None = None
     inference: Inference | None = None
     edits: tuple[str, ...] = ()
@@ -198,8 +198,7 @@ class Device(Protocol):
 
 
 class Driver(Protocol):
-    """Opens one camera, repeatedly. name: the SPEC. A class that inherits it has neither a reset nor a watch, for
-    cameras whose reads fail when they are gone."""
+    """Opens one camera, repeatedly. name: the SPEC. A class that inherits it has no reset."""
 
     name: str
 
@@ -207,12 +206,8 @@ class Driver(Protocol):
         """Open the camera. Raises CameraError, or whatever its library raises, where that fails."""
         ...
 
-    def reset(self) -> bool:
-        """Reset the hardware of a closed camera; False where it cannot be reset."""
-        return False
-
-    def watch(self, changed: Callable[[bool], None]) -> None:
-        """Have `changed(present)` called, from any thread, when the device is plugged in (True) or removed (False)."""
+    def reset(self) -> None:
+        """Reset the hardware of a closed camera, where it can be reset."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,13 +17,13 @@ knife|spoon|bowl|banana|apple|sandwich|orange|broccoli|carrot|hot dog|pizza|donu
 dining table|toilet|tv|laptop|mouse|remote|keyboard|cell phone|microwave|oven|toaster|sink|refrigerator|book|clock
 vase|scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
 )
-# COCO's category numbers that no category has: detectors with 91 outputs count by category, 0 is the background.
-UNUSED_CATEGORIES = frozenset({0, 12, 26, 29, 30, 45, 66, 68, 69, 71, 83})
 
 
 def _categories() -> tuple[str, ...]:
-    names = iter(COCO_NAMES)
-    return tuple(f"unused {number}" if number in UNUSED_CATEGORIES else next(names) for number in range(91))
+    """Names by COCO's numbers of categories, as detectors with 91 outputs count: 0, the background, and ten more have
+    none."""
+    names, unused = iter(COCO_NAMES), {0, 12, 26, 29, 30, 45, 66, 68, 69, 71, 83}
+    return tuple(f"unused {number}" if number in unused else next(names) for number in range(91))
 
 
 COCO_91 = _categories()

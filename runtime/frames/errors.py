@@ -64,12 +64,6 @@ class UsageError(EdgemapError):
     exit_code = 2
 
 
-class CameraSpecError(CameraError):
-    """A SPEC with an address that no camera of its kind can have: wrong usage."""
-
-    exit_code = 2
-
-
 class PluginError(EdgemapError):
     """A plugin of another package that does not load, or two that have one name."""
 

@@ -1,11 +1,10 @@
 """Optional extras of the installation, and the command that installs a missing one."""
 
 import json
-import shutil
+import shlex
 import sys
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
-from pathlib import Path
 from urllib.parse import unquote, urlparse
 
 from edgemap.runtime.frames.errors import MissingExtraError
@@ -48,14 +47,8 @@ def install_hint(extra: str) -> str:
 
 
 def pip() -> str:
-    """The command of this environment's pip: `pip` where it is on the PATH, else through the path of Python."""
-    program, programs = shutil.which("pip"), Path(sys.executable).parent
-    if program and Path(program).parent.resolve() == programs.resolve():
-        return "pip"
-    python = Path(sys.executable)
-    if python.is_relative_to(Path.cwd()):
-        python = python.relative_to(Path.cwd())
-    return f"{python} -m pip"
+    """The command of this environment's pip, whether or not the environment is active."""
+    return f"{shlex.quote(sys.executable)} -m pip"
 
 
 def need(extra: str, purpose: str, modules: tuple[str, ...] = ()) -> None:

@@ -15,14 +15,11 @@ class FaultKind(StrEnum):
     LATE = "late"  # silent beyond the stall limit
     FAILED = "failed"  # the device's driver raised an error
     CLOSED = "closed"  # the device does not open
-    REMOVED = "removed"  # the system reports that the device was removed
     LOST = "lost"  # a live camera that its supervisor has given up on
-    STALE = "stale"  # the same pixels again
     STAMP = "stamp"  # a stamp that repeats or is not a number
     CLOCK = "clock"  # stamps that jump
     SIZE = "size"  # a picture of another size
     FORMAT = "format"  # a picture that is not (H, W, 3) uint8, or inertial samples that are none
-    GREY = "grey"  # a colour camera that turns grey
     DAMAGED = "damaged"  # a picture that cannot be decoded
     RECOVERED = "recovered"
     DEPTH = "depth"  # pictures of depth that cannot be used

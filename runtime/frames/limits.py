@@ -1,7 +1,6 @@
 """Limits that inputs and outputs share: bytes and values of a file, lengths of queues, and seconds of silence."""
 
 FILE_BYTES = 256 << 20  # of a file or an answer that is read whole
-TEXT_BYTES = 16 << 20  # of a text that people or programs write by hand: a camera's file, a list of pictures
 VALUES = 8_000_000  # of a JSON document, each up to 64 bytes of memory; half as many lines of a table of numbers
 LINE = 1000  # characters of a table's line, and of one that is printed
 QUEUE = 10_000  # faults, edits or samples that wait for a reader which does not come: 25 s of an IMU at 400 Hz

@@ -6,7 +6,7 @@ from typing import Any
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import PluginError
-from edgemap.runtime.frames.reading import THEIRS, error_line, one_line, print_message
+from edgemap.runtime.frames.reading import THEIRS, error_line, one_line
 
 CAMERAS, SINKS = "edgemap.cameras", "edgemap.sinks"
 
@@ -21,8 +21,6 @@ def plugins(group: str) -> dict[str, EntryPoint]:
                 f"{group}: {point.name!r} comes from two packages, {package_of(other)} and {package_of(point)}: "
                 "uninstall one"
             )
-    if group in (CAMERAS, SINKS) and not any(point.value.startswith("edgemap.") for point in points.values()):
-        _warn_of_old_metadata()
     return points
 
 
@@ -30,12 +28,6 @@ def plugins(group: str) -> dict[str, EntryPoint]:
 def declared() -> list[EntryPoint]:
     """Of all distributions: `entry_points` takes the first of a name, and a build leaves an old one in a checkout."""
     return [point for one in distributions() for point in one.entry_points if point.group.startswith("edgemap.")]
-
-
-@cache
-def _warn_of_old_metadata() -> None:
-    """A checkout that was updated keeps the entry points of when it was installed; printed once."""
-    print_message("edgemap's bridges are not registered: install it again (in a checkout: pip install -e .)")
 
 
 def load_plugin(point: EntryPoint) -> Any:

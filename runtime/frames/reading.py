@@ -17,11 +17,10 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.limits import FILE_BYTES, LINE, TEXT_BYTES, VALUES
+from edgemap.runtime.frames.limits import FILE_BYTES, LINE, VALUES
 
 T = TypeVar("T")
 
-MESSAGE_LENGTH = 200
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
 
 # Numbers and names as files may hold them. NaN and infinity satisfy no bound, so they are refused.
@@ -66,7 +65,7 @@ class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
 THEIRS = (Exception, SystemExit)  # what code of another package may raise
 
 
-def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
+def one_line(text: object, length: int = 200) -> str:
     """A text of any origin as part of a message: no line breaks, no control characters, not too long."""
     words = "".join(letter if letter.isprintable() else " " for letter in without_secrets(str(text)))
     words = " ".join(words.split())
@@ -121,7 +120,7 @@ def read_bytes(path: Path, error: type[EdgemapError], limit_bytes: int = FILE_BY
     return data
 
 
-def read_text(path: Path, error: type[EdgemapError], limit_bytes: int = TEXT_BYTES) -> str:
+def read_text(path: Path, error: type[EdgemapError], limit_bytes: int = FILE_BYTES) -> str:
     """All of a UTF-8 file. Raises `error` as `read_bytes` does, and where it is not UTF-8."""
     try:
         return read_bytes(path, error, limit_bytes).decode("utf-8")
@@ -170,7 +169,7 @@ def _reason(why: Exception, tree: Any) -> str:
             return one_line(why)
     if place is None or not isinstance(tree, str | int | float | None) or "missing" in str(why):
         return one_line(why)
-    return f"{one_line(why)}, found {one_line(_short(tree), MESSAGE_LENGTH // 2)}"
+    return f"{one_line(why)}, found {one_line(_short(tree), 100)}"
 
 
 def _short(value: object) -> str:

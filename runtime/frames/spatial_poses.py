@@ -27,12 +27,6 @@ def pose_of(rotation: Array, position_m: Array) -> Array:
     return pose
 
 
-def quaternion_of(rotation: Array) -> Array:
-    """The unit quaternion (4,) in the order x, y, z, w of a rotation (3, 3)."""
-    quaternion = Rotation.from_matrix(rotation).as_quat()
-    return np.asarray(quaternion if quaternion[3] >= 0.0 else -quaternion, dtype=np.float64)
-
-
 def up_vector(world_up: str | Array) -> Array:
     """The unit vector, (3,), of an axis name such as `z` or `-y`; a vector is returned as it is."""
     if not isinstance(world_up, str):

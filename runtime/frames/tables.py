@@ -50,48 +50,32 @@ class NumberTable:
         names = [column.name for column in self.columns]
         if (count := data.count(b"\n")) > VALUES // 2:
             raise error(f"{path}: {count:,} lines, at most {VALUES // 2:,} are read")
-        lines = _text(data).replace(",", " ").split("\n")
+        lines = data.decode("utf-8-sig", "replace").replace(",", " ").split("\n")
         if (longest := max(map(len, lines))) > LINE:
             raise error(f"{path}: a line of {longest:,} characters, at most {LINE:,} are read")
-        if self.header and (not lines or lines.pop(0).split() != names):
+        if self.header and lines[0].split() != names:
             raise error(f"{path}: first line must be {','.join(names)}")
-        numbers = [
-            number
-            for number, line in enumerate(lines, 1 + self.header)
-            if line.strip() and not line.lstrip().startswith("#")
-        ]
-        if not numbers:
+        texts = {at: line for at, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")}
+        if self.header:
+            del texts[1]
+        if not texts:
             raise error(f"{path}: no rows of numbers in it")
-        texts = [lines[number - 1 - self.header] for number in numbers]
-        expected = f"expected {len(names)} finite numbers a line, {' '.join(names)}"
-        wrong: dict[int, str] = {}
-        try:
-            rows = np.loadtxt(texts, comments=None, ndmin=2)
-        except ValueError as why:
-            if not self.samples:
-                raise error(f"{path}: {expected} ({one_line(why)})") from None
-            rows, wrong = self._row_by_row(numbers, texts, expected)
-        if rows.shape[1] != len(names):
-            raise error(f"{path}: {expected}, found {rows.shape[1]}")
+        numbers, rows, wrong = list(texts), np.full((len(texts), len(names)), np.nan), dict[int, str]()
+        for at, text in enumerate(texts.values()):
+            try:
+                rows[at] = np.array([float(word) for word in text.split()]).reshape(len(names))
+            except ValueError:
+                expected = f"expected {len(names)} finite numbers a line, {' '.join(names)}"
+                wrong[at] = f"{numbers[at]}: {one_line(text, 40)!r}, {expected}"
         for column, values in zip(self.columns, rows.T, strict=True):
             for at in np.flatnonzero(~((column.minimum <= values) & (values <= column.maximum))):  # NaN too
                 why = f"{column.name} is {values[at]:g}, must be {column.minimum:g} to {column.maximum:g}"
-                if not self.samples:
-                    raise error(f"{path}:{numbers[at]}: {why}")
                 wrong.setdefault(int(at), f"{numbers[at]}: {why}")
-        return self._in_order(path, error, numbers, rows, wrong) if self.samples else (numbers, rows)
-
-    def _row_by_row(
-        self, numbers: list[int], texts: list[str], expected: str
-    ) -> tuple[NDArray[np.float64], dict[int, str]]:
-        """The rows, NaN where a line is not as many numbers, and why by row."""
-        rows, wrong = np.full((len(texts), len(self.columns)), np.nan), dict[int, str]()
-        for at, text in enumerate(texts):
-            try:
-                rows[at] = np.array([float(word) for word in text.split()]).reshape(len(self.columns))
-            except ValueError:
-                wrong[at] = f"{numbers[at]}: {one_line(text, 40)!r}, {expected}"
-        return rows, wrong
+        if self.samples:
+            return self._in_order(path, error, numbers, rows, wrong)
+        if wrong:
+            raise error(f"{path}:{next(iter(wrong.values()))}")
+        return numbers, rows
 
     def _in_order(
         self, path: str, error: type[EdgemapError], numbers: list[int], rows: NDArray[np.float64], wrong: dict[int, str]
@@ -108,9 +92,3 @@ class NumberTable:
             raise error(f"{path}:{reasons[0]} ({len(rows) - len(good)} of {len(rows)} lines are no samples)")
         note_dropped(path, [f"line {reason}" for reason in reasons], len(rows))
         return [numbers[at] for at in good], rows[good]
-
-
-def _text(data: bytes) -> str:
-    """The text of a file, of UTF-8 or, with a byte order mark, UTF-16."""
-    coding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
-    return data.decode(coding, "replace")

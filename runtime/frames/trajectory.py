@@ -2,7 +2,6 @@
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,9 +36,6 @@ class Trajectory:
         if not np.all(np.isfinite(self.stamps_s)) or np.any(np.diff(self.stamps_s) <= 0):
             raise OdometryError("trajectory: stamps must be finite and strictly increasing")
 
-    def __str__(self) -> str:
-        return f"{len(self.poses)} poses"
-
     def at(self, stamp_s: float, tolerance_s: float = EDGE_S) -> SE2:
         """The pose at a stamp, interpolated. Raises OdometryError for a stamp outside by more than the tolerance."""
         first, last = self.stamps_s[0], self.stamps_s[-1]
@@ -59,24 +55,9 @@ class Trajectory:
         return Trajectory(self.stamps_s, tuple(origin @ pose for pose in self.poses))
 
 
-def parse_tum(data: bytes | str, path: str) -> Trajectory:
-    """Planar poses from TUM text: `stamp x y z qx qy qz qw` per line, z up, `#` starts a comment. path: for messages.
-
-    Raises OdometryError with the line number for a line that is not eight finite numbers with a unit quaternion.
-    """
-    rows = tum_rows(data.encode() if isinstance(data, str) else data, path, OdometryError)
-    qx, qy, qz, qw = rows[:, 4:].T
-    yaws = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-    poses = tuple(SE2(*pose) for pose in np.column_stack([rows[:, 1:3], yaws]).tolist())
-    try:
-        return Trajectory(rows[:, 0], poses)
-    except OdometryError as error:
-        raise OdometryError(f"{path}: {error}") from None
-
-
 def tum_rows(data: bytes, path: str, error: type[EdgemapError], table: NumberTable = TUM) -> NDArray[np.float64]:
-    """The numbers of TUM text, (N, 8), quaternions scaled to length 1; lines that are no samples are dropped and
-    counted. Raises `error` where half of them are none."""
+    """The numbers of TUM text, (N, 8), `stamp x y z qx qy qz qw` per line, quaternions scaled to length 1; lines that
+    are no samples are dropped and counted. Raises `error` where half of them are none."""
     numbers, rows = table.parse(data, path, error)
     norms = np.linalg.norm(rows[:, 4:], axis=1)
     unit = np.abs(norms - 1.0) <= QUATERNION_TOLERANCE
@@ -103,7 +84,12 @@ def trajectory_of(path: Path) -> Trajectory | None:
         return None
     data = read_bytes(path, OdometryError)
     whole = data[: data.rfind(b"\n") + 1]  # a power cut may leave a torn last line
-    return parse_tum(whole, str(path)) if whole.strip() else None
+    if not whole.strip():
+        return None
+    rows = tum_rows(whole, str(path), OdometryError)
+    qx, qy, qz, qw = rows[:, 4:].T
+    yaws = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    return Trajectory(rows[:, 0], tuple(SE2(*pose) for pose in np.column_stack([rows[:, 1:3], yaws]).tolist()))
 
 
 KEPT = 500  # poses, which are read again for every frame
@@ -121,9 +107,6 @@ class GrowingTrack:
         self._stamps: list[float] = []
         self._poses: list[SE2] = []
         self._restarted = False
-
-    def __str__(self) -> str:
-        return "given poses"
 
     @property
     def _newest_s(self) -> float:
@@ -180,21 +163,6 @@ class GrowingTrack:
 
 
 PoseTrack = Trajectory | GrowingTrack
-
-
-@dataclass(frozen=True, slots=True)
-class TrackFile:
-    """Poses in a file, read when they are needed. spec: names the file. read: raises CameraError."""
-
-    spec: str
-    read: Callable[[str], Trajectory]
-
-    def __str__(self) -> str:
-        return self.spec
-
-    def track(self) -> Trajectory:
-        """Reads the file. Raises CameraError."""
-        return self.read(self.spec)
 
 
 SIGMA_RAD = math.radians(0.2)  # of a recorded pose: stamps of pictures and poses differ slightly

@@ -9,8 +9,6 @@ import yaml
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import one_line, read_text
 
-YAML_BYTES = 128 << 10  # PyYAML reads some 100 kB a second
-
 
 class _Loader(yaml.SafeLoader):
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
@@ -30,7 +28,8 @@ _Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _matrix)
 
 def read_yaml(path: Path, error: type[EdgemapError]) -> Any:
     """A file's one document: None, bool, int, float, str, list and dict with text keys. Raises `error`, one line."""
-    text = read_text(path, error, YAML_BYTES).removeprefix("%YAML:1.0")  # OpenCV's first line, which is no YAML
+    text = read_text(path, error, 128 << 10)  # PyYAML reads some 100 kB a second
+    text = text.removeprefix("%YAML:1.0")  # OpenCV's first line, which is no YAML
     text = text.rstrip().removesuffix("\n---")  # as `ros2 topic echo` ends a message
     try:
         tree = msgspec.to_builtins(yaml.load(text, _Loader), str_keys=True)

@@ -88,11 +88,11 @@ def _open_drive(spec: str, name: str, how: CameraOptions) -> Camera:
 
 def _open_realsense(rest: str, name: str, how: CameraOptions) -> Camera:
     from edgemap.runtime.inputs.cameras.imu_buffer import ImuCamera
-    from edgemap.runtime.inputs.cameras.realsense import RealSenseDriver, is_recording
+    from edgemap.runtime.inputs.cameras.realsense import RealSenseDriver
     from edgemap.runtime.inputs.cameras.realsense_recording import RealSenseRecording
 
-    if is_recording(rest):
-        return RealSenseRecording(user_path(rest), name, how.intrinsics, how.mount, how.depth)
+    if rest.endswith((".db3", ".bag")) or "/" in rest:  # no serial number
+        return RealSenseRecording(user_path(rest), name, how)
     driver = RealSenseDriver(name, rest or None, how.depth)
     return ImuCamera(_open_live(driver, how), driver.imu)
 

@@ -16,7 +16,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.canvas import LONGEST
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.runtime.frames.disk import write_atomically
-from edgemap.runtime.frames.reading import MESSAGE_LENGTH, Name, decode_json, one_line, print_message, read_bytes
+from edgemap.runtime.frames.reading import Name, decode_json, one_line, print_message, read_bytes
 
 # Type and dimensions of each array.
 MEMBERS = {"log_odds": ("|i1", 2), "origin_m": ("<f8", 1), "resolution_m": ("<f8", 0), "thresholds": ("<f8", 1)}
@@ -96,7 +96,7 @@ def read_grid(data: bytes, source: str) -> OccupancyGrid:
     except MapError:
         raise
     except Exception as why:  # zipfile and numpy raise ten kinds at damaged bytes
-        raise MapError(f"{where} ({one_line(why, MESSAGE_LENGTH // 2)})") from None
+        raise MapError(f"{where} ({one_line(why, 100)})") from None
     layout = [(array.dtype.str, array.ndim) for array in arrays]
     cells, origin, resolution, thresholds = arrays
     if layout != list(MEMBERS.values()) or len(origin) != 2 or len(thresholds) != 2 or not cells.size:

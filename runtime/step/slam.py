@@ -6,12 +6,16 @@ from functools import partial
 from math import degrees
 from typing import Any
 
+import numpy as np
+
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.errors import MissingExtraError
+from edgemap.runtime.frames.extras import pip
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.estimator import open_attitude
@@ -72,10 +76,18 @@ class StepResult(MapUpdate):
         return png(draw_detections(self.pictured.image, self.detections, sightings))
 
     def to_supervision(self) -> Any:
-        """All boxes as `supervision.Detections`. Raises MissingExtraError without that package."""
-        from edgemap.runtime.frames.supervision_boxes import to_supervision
-
-        return to_supervision(self.detections)
+        """All boxes as `supervision.Detections`, names in `data["class_name"]`. Raises MissingExtraError without that
+        package."""
+        try:
+            import supervision
+        except ImportError:
+            raise MissingExtraError(f"supervision's detections need the package: {pip()} install supervision") from None
+        return supervision.Detections(
+            xyxy=self.detections.boxes.astype(np.float32),
+            confidence=self.detections.scores.astype(np.float32),
+            class_id=self.detections.class_ids.astype(int),
+            data={"class_name": np.array(self.detections.labels, dtype=str)},
+        )
 
     @property
     def detections(self) -> Detections:

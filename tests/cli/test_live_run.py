@@ -85,7 +85,7 @@ def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds
     record = json.loads((out / "run.json").read_text())
     assert record["finished"]
     assert record["fault_kinds"]["recovered"] >= 1
-    cut = {"late", "failed", "closed", "stale", "torn", "recovered"}  # a picture too, where the connection was
+    cut = {"late", "failed", "closed", "torn", "recovered"}  # a picture too, where the connection was
     assert set(record["fault_kinds"]) <= cut | {"odometry", "out_of_range"}
     assert heard[0] == "READY=1"
     assert heard.count("WATCHDOG=1") >= 5

@@ -98,7 +98,7 @@ REFUSED = [
     ("run --camera no/such/thing", 1, "realsense"),
     ("run --camera empty --bundle bundle", 1, "images"),
     ("run --camera sim:" + NINES, 2, "sim:SEED"),
-    ("run --camera rtsp://[ --bundle bundle", 1, "not an address"),
+    ("run --camera rtsp://[ --bundle bundle", 1, "no stream that FFmpeg reads"),
     ("run --camera ~nobody-here/x", 1, "no such file"),
     ("run --camera drive:~nobody-here/x", 1, "no such folder"),
     ("bench --camera sim:kitchen --bundle bundle", 2, "'sim:kitchen'"),

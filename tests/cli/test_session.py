@@ -156,22 +156,6 @@ def test_a_hint_works_from_where_the_installation_came(monkeypatch, origin, told
         extras.need("view", "the page", ("json", "no_such_module"))
 
 
-def test_a_hint_names_the_pip_of_this_environment(monkeypatch, tmp_path):
-    """`.venv/bin/edgemap` of an environment that is not active: the shell's pip is another one, or there is none."""
-    monkeypatch.chdir(tmp_path)
-    programs = tmp_path / ".venv" / "bin"
-    programs.mkdir(parents=True)
-    (programs / "pip").touch(0o755)
-    monkeypatch.setattr("sys.executable", str(programs / "python"))
-    monkeypatch.setenv("PATH", "/usr/bin")
-    assert extras.pip() == ".venv/bin/python -m pip"
-    (tmp_path / "elsewhere").mkdir()
-    monkeypatch.chdir(tmp_path / "elsewhere")
-    assert extras.pip() == f"{programs}/python -m pip"
-    monkeypatch.setenv("PATH", f"{programs}:/usr/bin")
-    assert extras.pip() == "pip"
-
-
 LENS, MOUNT = (50.0, 50.0, 31.5, 31.5), (1.0, 0.0)  # of the painted bundle's scene, 64x64 px
 
 

@@ -15,7 +15,6 @@ from support.drifting import drifting, integrated, worst_m
 from support.drives import drive, observed, round_trip
 from support.painted import FLOOR
 from support.rooms import ROOM, furnished
-from support.tum import read_tum
 
 from edgemap.bridges.ros2.messages.tf_tree import TfTree
 from edgemap.geometry.objects.floor_map import FloorMap
@@ -23,6 +22,7 @@ from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam import loop_closure
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
+from edgemap.runtime.frames.trajectory import trajectory_of
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.outputs.sinks import rewriting
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -97,7 +97,7 @@ def test_the_run_folder_is_written_anew_as_known_at_the_end(corrected, tmp_path)
         folder.write(result, objects)
     at_the_time = [result.pose_map_base for result, _ in corrected]
     folder.close()
-    written = read_tum(tmp_path / "run" / "trajectory.tum")
+    written = trajectory_of(tmp_path / "run" / "trajectory.tum")
     assert len(written.poses) == len(WAY)
     assert worst_m(written.poses, WAY) < 0.5 * worst_m(at_the_time, WAY)
     last = written.poses[-1].vector()
@@ -282,7 +282,7 @@ def test_false_hypotheses_never_move_the_pose_beyond_what_odometry_leaves_open(s
 def told(folder):
     """Poses (N, 3) of the trajectory file, and each sighting's place (N, 2)."""
     seen = [json.loads(line)["map_m"] for line in (folder / "sightings.jsonl").read_text().splitlines()]
-    return np.array([pose.vector() for pose in read_tum(folder / "trajectory.tum").poses]), np.array(seen)
+    return np.array([pose.vector() for pose in trajectory_of(folder / "trajectory.tum").poses]), np.array(seen)
 
 
 def test_a_long_drive_keeps_few_poses_and_its_files_are_as_known_now(monkeypatch, tmp_path):

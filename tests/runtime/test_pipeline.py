@@ -10,12 +10,12 @@ from support.made_camera import MadeCamera, raising
 from support.noise import noise
 from support.painted import FLOOR, slam_of
 from support.rooms import furnished
-from support.tum import read_tum
 
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import trajectory_of
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -78,7 +78,7 @@ def test_the_run_folder_holds_the_contract(bundle, tmp_path):
         "map.json", "grid.npz", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg",
     }  # fmt: skip
     assert [item.id for item in load_map(tmp_path / "run")] == ["chair-1"]
-    assert len(read_tum(tmp_path / "run" / "trajectory.tum").poses) == 25
+    assert len(trajectory_of(tmp_path / "run" / "trajectory.tum").poses) == 25
     sightings = [json.loads(line) for line in (tmp_path / "run" / "sightings.jsonl").read_text().splitlines()]
     assert len(sightings) == 25
     assert {"frame", "label", "map_m", "object", "distance_m"} <= set(sightings[0])

@@ -32,7 +32,6 @@ from support.mutations import (
     refused_or,
 )
 from support.refusal import refused
-from support.tum import read_tum
 
 from edgemap.calibrate.stated_focal import stated_focal_px
 from edgemap.geometry.errors import EdgemapError, MapError
@@ -42,7 +41,7 @@ from edgemap.geometry.registration.alignment import align
 from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import one_line, read_bytes
-from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import Trajectory, trajectory_of
 from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml
@@ -165,8 +164,9 @@ def use_trajectory(trajectory: Trajectory) -> None:
     assert (np.diff(trajectory.stamps_s) > 0.0).all()
 
 
-def use_wheels(path: Path) -> None:
-    use_trajectory(Trajectory(*read_wheel_csv(path)))
+def use_written(path: Path) -> None:
+    if (trajectory := trajectory_of(path)) is not None:
+        use_trajectory(trajectory)
 
 
 def use_imu(path: Path) -> None:
@@ -236,9 +236,9 @@ READERS = {
     "sightings": ReaderCase("sightings.jsonl", mutated_lines(SEEN), lambda path: read_sightings(path.parent)),
     "true objects": ReaderCase("objects.json", mutated_json({"objects": [TRUTH, TRUTH | {"id": 2}]}), read_objects),
     "true boxes": ReaderCase("boxes.json", mutated_json({"frames": [[BOX, BOX | {"id": 2}], [], [BOX]]}), read_boxes),
-    "wheels": ReaderCase("wheel.csv", mutated_rows(WHEEL), use_wheels),
+    "wheels": ReaderCase("wheel.csv", mutated_rows(WHEEL), lambda path: use_trajectory(read_wheel_csv(path))),
     "IMU": ReaderCase("imu.csv", mutated_rows(IMU), use_imu),
-    "TUM": ReaderCase("a.tum", mutated_rows(TUM), lambda path: use_trajectory(read_tum(path))),
+    "trajectory": ReaderCase("trajectory.tum", mutated_rows(TUM), use_written),
     "TUM, 3-D": ReaderCase("a.tum", mutated_rows(TUM), lambda path: finite(*read_tum_3d(path))),
     "KITTI": ReaderCase("poses.txt", mutated_rows(KITTI), lambda path: finite(read_matrices(path, 12))),
     "c2w": ReaderCase("poses.txt", mutated_rows(C2W), lambda path: finite(read_matrices(path, 16))),

@@ -6,7 +6,6 @@ import pytest
 from support.drives import drive, exact, round_trip
 from support.painted import FLOOR
 from support.rooms import ROOM, furnished, mapped
-from support.tum import read_tum
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Annotations
@@ -14,6 +13,7 @@ from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.registration.alignment import AlignmentError, aligned_near
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.trajectory import trajectory_of
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.map_file import load_map, map_document, save_map
@@ -83,7 +83,7 @@ def test_an_unknown_start_is_found_by_the_objects(saved, tmp_path):
     assert {identity: now[identity] for identity in known} == known
     assert len(set(now.values())) == len(now)
     # What was written before the place was known is in the saved map's frame too.
-    written = read_tum(tmp_path / "run" / "trajectory.tum")
+    written = trajectory_of(tmp_path / "run" / "trajectory.tum")
     assert len(written.poses) == 80
     for pose, true in zip(written.poses, LATER, strict=True):
         assert START.inverse().apply([true.x_m, true.y_m]) == pytest.approx([pose.x_m, pose.y_m], abs=0.15)

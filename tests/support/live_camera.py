@@ -22,10 +22,8 @@ class Clock:
 
 
 def picture(level, size=(6, 4)):
-    """Colourful, so that it is neither grey nor a repeat of another level's."""
-    image = np.full((size[1], size[0], 3), level % 256, np.uint8)
-    image[..., 0] = (level + 100) % 256
-    return image
+    """No repeat of another level's."""
+    return np.full((size[1], size[0], 3), level % 256, np.uint8)
 
 
 class ScriptedDriver:
@@ -34,10 +32,10 @@ class ScriptedDriver:
 
     name = "fake"
 
-    def __init__(self, clock, script=None, rate_hz=10.0, closed=0, resets=True, size=(6, 4)):
-        self.clock, self.script, self.closed, self.resets = clock, dict(script or {}), closed, resets
+    def __init__(self, clock, script=None, rate_hz=10.0, closed=0, size=(6, 4)):
+        self.clock, self.script, self.closed = clock, dict(script or {}), closed
         self.period_s, self.size, self.rate_hz, self.intrinsics = 1.0 / rate_hz, size, rate_hz, None
-        self.calls, self.opened, self.grabs, self.changed = [], 0, 0, None
+        self.calls, self.opened, self.grabs = [], 0, 0
 
     def open(self):
         self.calls.append("open")
@@ -64,10 +62,6 @@ class ScriptedDriver:
 
     def reset(self):
         self.calls.append("reset")
-        return self.resets
-
-    def watch(self, changed):
-        self.changed = changed
 
 
 def scripted(script=None, rule=None, **options) -> Any:

@@ -40,7 +40,6 @@ from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.frames.trajectory import TrackFile
 from edgemap.runtime.inputs.drives.pictures import Levels
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import SAME_S
@@ -244,7 +243,7 @@ class RecordingCamera(Camera):
         """Lens, mount, rate, truth, wheels and IMU: as edgemap wrote them, else from CameraInfo and tf."""
         recording = self._recording
         if topics.wheels:
-            self.update_info(wheel=TrackFile(f"{self._path}#{topics.wheels}", read_wheel))
+            self.update_info(wheel=read_wheel(f"{self._path}#{topics.wheels}"))
         if RECORD in recording.metadata:
             facts = read_facts(recording.metadata[RECORD], f"{self._path}")
             own = topics.imu is None
@@ -258,7 +257,7 @@ class RecordingCamera(Camera):
                 edits=tuple(str(line) for _, line in _values(recording, EDITS)),
             )
             if topics.wheels is None and WHEEL_FILE in recording.attachments:
-                self.update_info(wheel=TrackFile(str(self._path), read_wheel))
+                self.update_info(wheel=read_wheel(str(self._path)))
             if TRUTH_FILE in recording.attachments:
                 where = f"{self._path}: {TRUTH_FILE}"
                 self.update_info(truth=read_trajectory_file(recording.attachments[TRUTH_FILE], where))

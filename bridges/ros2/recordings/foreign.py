@@ -22,7 +22,6 @@ from edgemap.runtime.frames.notes import note, note_dropped
 from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.inputs.drives.sensor_csv import steady
 
 FLOOR_FRAME = "base_footprint"  # REP-120: base_link may stand anywhere above the floor, this one stands on it
 TF_MESSAGES = 200  # of each topic, looked through for the tree
@@ -224,9 +223,8 @@ def read_wheel(spec: str) -> Trajectory:
                 poses.append(pose)
         if not poses:
             raise CameraError(f"{where} has no pose" + (f" ({wrong[0]})" if wrong else ""))
-        kept, jumps = steady(np.array(stamps_s), np.array([(pose.x_m, pose.y_m) for pose in poses]))
-        note_dropped(where, wrong + jumps, count)
-        return Trajectory(np.array(stamps_s)[kept], tuple(poses[index] for index in kept))
+        note_dropped(where, wrong, count)
+        return Trajectory(np.array(stamps_s), tuple(poses))
     except OdometryError as error:
         raise CameraError(f"{file}: {error}") from None
     finally:

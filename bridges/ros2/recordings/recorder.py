@@ -33,7 +33,7 @@ from edgemap.runtime.frames.disk import append
 from edgemap.runtime.frames.errors import DiskError, RecordingError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import TrackFile, Trajectory
+from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
 from edgemap.runtime.step.sinks import Sink
@@ -279,7 +279,7 @@ def open(address: str, run: RunInfo) -> RecordingSink:
     camera, floor = run.camera, run.floor
     facts = Facts(camera.info.name, floor.intrinsics, floor.mount, camera.info.rate_hz, run.inference, run.guess)
     # Poses that come live are not recorded.
-    wheels = camera.info.wheel.track() if isinstance(camera.info.wheel, TrackFile) else None
+    wheels = camera.info.wheel if isinstance(camera.info.wheel, Trajectory) else None
     path, lossless = file_of(address)
     sink = RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=wheels, truth=camera.info.truth))
     run.edits.recorders.append(sink.edit)

@@ -7,13 +7,12 @@ import re
 import select
 import subprocess
 import time
-from collections.abc import Callable
 
 import cv2
 import numpy as np
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.runtime.frames.camera import CameraOptions
+from edgemap.runtime.frames.camera import CameraOptions, Driver
 from edgemap.runtime.frames.errors import CameraError
 
 WIDTH, HEIGHT, RATE_HZ = 640, 480, 30
@@ -58,8 +57,8 @@ class RpicamDevice:
         self._program.wait()
 
 
-class RpicamDriver:
-    """Opens one camera, again and again. Implements `edgemap.runtime.frames.camera.Driver`."""
+class RpicamDriver(Driver):
+    """Opens one camera, again and again. There is nothing to reset; a camera that is gone ends the program."""
 
     def __init__(self, number: str, intrinsics: Intrinsics | None) -> None:
         self.name, self._number = f"rpicam:{number}", number
@@ -68,13 +67,6 @@ class RpicamDriver:
     def open(self) -> RpicamDevice:
         """Start the program."""
         return RpicamDevice(self._number, self._size)
-
-    def reset(self) -> bool:
-        """There is none."""
-        return False
-
-    def watch(self, changed: Callable[[bool], None]) -> None:
-        """A camera that is gone ends the program."""
 
 
 def open(address: str, how: CameraOptions) -> RpicamDriver:

@@ -1,7 +1,7 @@
 """Checks what third-party cameras and drivers return: it becomes a frame, a fault or the end, never a traceback."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
@@ -11,25 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import LARGEST_STAMP_S, Frame
-from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.program_camera import as_picture, described
 from edgemap.runtime.frames.reading import THEIRS, error_line, one_line, printable
-from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, TrackFile, Trajectory
 
 FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
-
-TYPES: dict[str, Any] = {
-    "intrinsics": Intrinsics, "mount": Mount, "truth": Trajectory, "attitudes": AttitudeTrack, "inference": Inference,
-    "wheel": TrackFile | PoseTrack, "edits": tuple, "live": bool, "frame_count": int,
-    "imu": ImuSamples, "calibration": Mapping, "notes": tuple, "faults": tuple, "tf": Callable,
-}  # fmt: skip
 
 
 def stamp_of(value: Any) -> float:
@@ -56,8 +46,8 @@ def size_of(value: Any, name: str) -> tuple[int, int]:
 
 def rate_of(value: Any) -> float | None:
     """A nominal frame rate in Hz; None where the value is invalid."""
-    rate = stamp_of(value)
-    return rate if rate > 0.0 else None
+    rate_hz = stamp_of(value)
+    return rate_hz if 0.0 < rate_hz <= 1000.0 else None  # time bases of streams are faster
 
 
 class PictureCheck:
@@ -81,15 +71,8 @@ class PictureCheck:
             self._report(CameraFault(kind, f"camera {self._name}: {text}"))
         self._now.add(kind)
 
-    def picture(
-        self, value: Any, depth: Any, grey: bool = False
-    ) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None] | None:
-        """The picture as BGR, (H, W, 3), and its depth, None where it is invalid; None for an invalid picture.
-        grey: whether one of a single channel is taken, with a fault."""
-        one_channel = isinstance(value, np.ndarray) and value.ndim > 1 and value.shape[2:] in ((), (1,))
-        if grey and one_channel and value.dtype == np.uint8:
-            self.note(FaultKind.GREY, "picture has one channel")
-            value = np.repeat(value.reshape(*value.shape[:2], 1), 3, axis=2)
+    def picture(self, value: Any, depth: Any) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None] | None:
+        """The picture as BGR, (H, W, 3), and its depth, None where it is invalid; None for an invalid picture."""
         try:
             image = as_picture(value, "picture")
         except CameraError as error:
@@ -118,7 +101,7 @@ class CheckedCamera(Camera):
     """A validated `Camera` of third-party code. Each error is reported once, as a fault, when it begins. A stamp that
     is not finite, or runs backwards, is replaced by the previous one plus a frame interval; invalid pictures and depths
     are dropped. After `FAILURES` reads in a row without a frame the camera is at its end.
-    Raises CameraError for a camera without a size, or whose `info` has a field of another type.
+    Raises CameraError for a camera without a size.
     """
 
     def __init__(self, camera: Any, name: str = "") -> None:
@@ -128,7 +111,7 @@ class CheckedCamera(Camera):
         self._ahead: Frame | None = None
         self._new: list[CameraFault] = []
         self._check = PictureCheck(self.info.name, self.info.size, self._new.append)
-        self._failures, self._offset_s = 0, 0.0
+        self._failures = 0
 
     @property
     def state(self) -> CameraState:
@@ -142,18 +125,14 @@ class CheckedCamera(Camera):
         CameraError where the camera raises it or has failed for too long.
         """
         if not self._new and self._ahead is None:
+            self._check.begin()
             try:
-                value: Any = self._camera.read()
+                if (value := self._camera.read()) is None:
+                    return None
+                self._ahead = self._checked(value)
             except EdgemapError:
                 raise
             except THEIRS as error:
-                value = error
-            if value is None:
-                return None
-            self._check.begin()
-            try:
-                self._ahead = self._checked(value)
-            except Exception as error:
                 self._check.note(FaultKind.FAILED, f"read raised {error_line(error)}")
             self._failures = 0 if self._ahead is not None else self._failures + 1
             if self._failures > FAILURES:
@@ -165,25 +144,13 @@ class CheckedCamera(Camera):
         frame, self._ahead = self._ahead, None
         return frame
 
-    def object_records(self) -> list[dict[str, Any]] | None:
-        """The true objects, where the camera provides records."""
-        try:
-            records: list[dict[str, Any]] = list(self._camera.object_records() or ())
-        except EdgemapError:
-            raise
-        except THEIRS:
-            return None
-        return records if records and all(isinstance(record, dict) for record in records) else None
-
     def close(self) -> None:
         """Close it; errors of its code are ignored."""
         with suppress(*THEIRS):
             self._camera.close()
 
     def _checked(self, value: Any) -> Frame | None:
-        """A frame made of what was returned; None where it has no picture of this camera. Raises a returned error."""
-        if isinstance(value, Exception):
-            raise value
+        """A frame made of what was returned; None where it has no picture of this camera."""
         if not isinstance(value, Frame):
             self._check.note(FaultKind.FORMAT, f"read gave a {type(value).__name__}, not a Frame")
             return None
@@ -194,8 +161,6 @@ class CheckedCamera(Camera):
             self._check.note(FaultKind.FORMAT, "inertial samples are none, or not finite in order of time; left out")
             imu = ImuSamples.none()
         stamp_s = self._stamp(value.stamp_s)
-        if self._offset_s:
-            imu = replace(imu, stamps_s=imu.stamps_s + self._offset_s)  # the camera's clock is also theirs
         name = printable(value.name) if isinstance(value.name, str) else f"{self.info.name}#{self._delivered}"
         image, depth = picture
         frame = Frame(self._delivered, stamp_s, image, name, imu, depth, search=value.search is not False)
@@ -203,18 +168,14 @@ class CheckedCamera(Camera):
         return frame
 
     def _stamp(self, value: Any) -> float:
+        """The stamp in seconds, where it is after the last one; else one frame interval after that."""
         stamp_s = stamp_of(value)
-        next_s = self._last_s + 1.0 / (self.info.rate_hz or DEFAULT_RATE_HZ) if math.isfinite(self._last_s) else 0.0
-        if math.isnan(stamp_s):
-            self._check.note(FaultKind.STAMP, f"stamp {one_line(repr(value), 40)} is no time; one frame interval taken")
-            stamp_s = next_s
-        elif stamp_s + self._offset_s <= self._last_s:
-            text = f"stamp {stamp_s:.6g} s is not after {self._last_s - self._offset_s:.6g} s; one interval taken"
-            self._check.note(FaultKind.CLOCK, text)
-            self._offset_s = next_s - stamp_s
-            stamp_s = next_s
-        else:
-            stamp_s += self._offset_s
+        if not stamp_s > self._last_s:  # NaN too
+            kind = FaultKind.STAMP if math.isnan(stamp_s) else FaultKind.CLOCK
+            text = f"stamp {one_line(repr(value), 40)} is no time after {self._last_s:.6g} s; one interval taken"
+            self._check.note(kind, text)
+            interval_s = 1.0 / (self.info.rate_hz or DEFAULT_RATE_HZ)
+            stamp_s = self._last_s + interval_s if math.isfinite(self._last_s) else 0.0
         self._last_s = stamp_s
         return stamp_s
 
@@ -228,11 +189,6 @@ def _checked_info(camera: Any, name: str) -> CameraInfo:
     if not isinstance(info, CameraInfo):
         raise CameraError(f"camera {name}: its info is a {type(info).__name__}, not CameraInfo")
     name = name or str(info.name)
-    for field, kind in TYPES.items():
-        value = getattr(info, field)
-        if value is not None and not isinstance(value, kind):
-            expected = getattr(kind, "__name__", kind)
-            raise CameraError(f"camera {name}: its {field} is a {type(value).__name__}, not {expected}")
     return replace(info, name=name, size=size_of(info.size, name), rate_hz=rate_of(info.rate_hz))
 
 

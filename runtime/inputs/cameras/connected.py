@@ -7,13 +7,9 @@ from pathlib import Path
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.plugins import CAMERAS, load_plugin, plugins
-from edgemap.runtime.frames.reading import THEIRS, one_line
+from edgemap.runtime.frames.reading import THEIRS, error_line, one_line
 
 VIDEO_NODES, SYSFS = Path("/dev"), Path("/sys/class/video4linux")
-# linux/videodev2.h: VIDIOC_QUERYCAP and struct v4l2_capability (driver, card, bus_info, version, capabilities,
-# device_caps, reserved). A USB camera also has nodes for metadata, which capture no video.
-QUERYCAP, CAPABILITY = 0x80685600, "16s32s32s3I3I"
-VIDEO_CAPTURE = 0x1001  # single- or multi-planar
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +49,7 @@ def connected_cameras() -> tuple[list[ConnectedCamera], list[str]]:
             except EdgemapError as error:
                 notes.append(str(error))
             except THEIRS as error:
-                notes.append(f"camera kind {kind!r}: {type(error).__name__}: {one_line(str(error), 200)}")
+                notes.append(f"camera kind {kind!r}: {one_line(error_line(error))}")
     except EdgemapError as error:
         notes.append(str(error))
     return cameras, notes
@@ -77,17 +73,19 @@ def _video_devices() -> list[ConnectedCamera]:
 
 
 def _captures(node: Path) -> bool:
+    """Whether a node captures video: a USB camera also has nodes for metadata."""
     import fcntl
 
-    answer = bytearray(struct.calcsize(CAPABILITY))
+    answer = bytearray(104)  # linux/videodev2.h: struct v4l2_capability
     try:
         handle = os.open(node, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
         return True  # busy, for instance; opening it reports the reason
     try:
-        fcntl.ioctl(handle, QUERYCAP, answer)
+        fcntl.ioctl(handle, 0x80685600, answer)  # VIDIOC_QUERYCAP
     except OSError:
         return False
     finally:
         os.close(handle)
-    return bool(struct.unpack(CAPABILITY, answer)[5] & VIDEO_CAPTURE)
+    (device_caps,) = struct.unpack_from("I", answer, 88)
+    return bool(device_caps & 0x1001)  # V4L2_CAP_VIDEO_CAPTURE, single- or multi-planar

@@ -9,33 +9,18 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, CameraOptions, Driver
 from edgemap.runtime.frames.plugins import CAMERAS, load_plugin, plugins
 from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.frames.trajectory import TrackFile, Trajectory
+from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
-
-PREFIX = "wheel:"
-
-
-def wheel_file(spec: str | Path) -> TrackFile:
-    """The wheels' poses in a file, read when they are needed."""
-    return TrackFile(str(spec), read_wheels)
 
 
 def read_wheels(spec: str) -> Trajectory:
     """The wheels' poses in `FILE.csv`, or in a file of a camera kind (`FILE.mcap[#/topic]`). Raises CameraError."""
     kind = file_kind(spec)
-    return Trajectory(*read_wheel_csv(Path(spec))) if kind is None else kind.wheels(spec)
-
-
-def replace_wheels(camera: Camera, odometry: str) -> str:
-    """With the odometry `wheel:FILE` the camera gets the wheels of that file. Returns the odometry without the file."""
-    if not odometry.startswith(PREFIX):
-        return odometry
-    camera.update_info(wheel=wheel_file(odometry.removeprefix(PREFIX)))
-    return "wheel"
+    return read_wheel_csv(Path(spec)) if kind is None else kind.wheels(spec)
 
 
 class CameraKind(Protocol):
-    """Interface of the object of an entry point `KIND = module:object`. A module with both functions is sufficient.
+    """Interface of the object of an entry point `KIND = module:object`. A module with the functions is sufficient.
 
     `KIND` opens `--camera KIND[:ADDRESS]`; a name that begins with a dot, `.SUFFIX`, opens files that end so, and its
     address is the whole SPEC, `FILE.SUFFIX[#PART]`.
@@ -53,16 +38,13 @@ class CameraKind(Protocol):
         """(address, display name) of each connected camera, for `edgemap cameras`."""
         ...
 
-
-class FileKind(CameraKind, Protocol):
-    """A kind of files that have more than pictures in them."""
-
     def wheels(self, address: str) -> Trajectory:
-        """The wheels' poses in the file. Raises CameraError."""
+        """The wheels' poses in the file. Of kinds of files only. Raises CameraError."""
         ...
 
     def recorded_from(self, address: str) -> str | None:
-        """SPEC of the camera that the file was recorded from; None where it is unknown or the file is damaged."""
+        """SPEC of the camera that the file was recorded from, of kinds of files only; None where it is unknown or the
+        file is damaged."""
         ...
 
 
@@ -86,10 +68,10 @@ def _is_bag(folder: Path) -> bool:
     )
 
 
-def file_kind(spec: str) -> FileKind | None:
+def file_kind(spec: str) -> CameraKind | None:
     """The kind of a file, by its suffix. Raises PluginError."""
     kind = kind_of(spec)
-    return cast(FileKind, load_plugin(kind[0])) if kind and kind[0].name.startswith(".") else None
+    return cast(CameraKind, load_plugin(kind[0])) if kind and kind[0].name.startswith(".") else None
 
 
 def recorded_from(spec: str) -> str:

@@ -17,7 +17,7 @@ from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import library_path, one_line
-from edgemap.runtime.inputs.cameras.kinds import wheel_file
+from edgemap.runtime.inputs.cameras.checked import rate_of
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
 from edgemap.runtime.inputs.drives.pictures import (
@@ -28,9 +28,6 @@ from edgemap.runtime.inputs.drives.pictures import (
     read_picture,
     readable_depth,
 )
-
-# A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
-MISSING_FRAMES, MISSING_SHARE = 3, 0.05
 
 
 class FileCamera(Camera):
@@ -71,8 +68,6 @@ class VideoCamera(FileCamera):
         stamps_s: Sequence[float] | None = None,
     ) -> None:
         super().__init__(CameraInfo(name, intrinsics=intrinsics, mount=mount))
-        if not path.is_file():
-            raise CameraError(f"{path}: no such file")
         if _is_text(path):  # a list of other files, which FFmpeg would play
             raise CameraError(f"{path}: a text, not a video")
         self._path, self._stamps_s, self._first_s = path, stamps_s, 0.0
@@ -86,8 +81,7 @@ class VideoCamera(FileCamera):
         if wide * high > PIXEL_LIMIT:
             self.close()
             raise CameraError(f"{path}: video of {wide}x{high} px, at most {PIXEL_LIMIT:,} px are decoded")
-        rate = self._capture.get(cv2.CAP_PROP_FPS)
-        rate_hz = float(rate) if math.isfinite(rate) and 0.0 < rate <= 1000.0 else None
+        rate_hz = rate_of(self._capture.get(cv2.CAP_PROP_FPS))
         announced = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
         self._announced = announced if 0 < announced < 1 << 31 else None
         count = len(stamps_s) if stamps_s is not None else self._announced
@@ -150,7 +144,8 @@ class VideoCamera(FileCamera):
             )
         if self._announced is None:
             return
-        allowed = max(MISSING_FRAMES, MISSING_SHARE * self._announced)
+        # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
+        allowed = max(3, 0.05 * self._announced)
         # Containers without a count announce their length times the rate: of a variable rate only the length holds.
         until = 1 + round((self._last_s - self._first_s) * (self.info.rate_hz or DEFAULT_RATE_HZ))
         if self._announced - max(self._delivered, until) > allowed:
@@ -248,7 +243,8 @@ def drive_camera(
         camera = VideoCamera(name, drive.video, intrinsics, mount, [float(stamp) for stamp in drive.stamps_s])
     else:
         camera = PicturesCamera(name, drive.images, drive.stamps_s, intrinsics, mount)
-    wheel = drive.wheel and wheel_file(drive.wheel)
-    camera.update_info(rate_hz=drive.rate_hz, truth=drive.truth, attitudes=drive.attitudes, wheel=wheel, imu=drive.imu)
+    camera.update_info(
+        rate_hz=drive.rate_hz, truth=drive.truth, attitudes=drive.attitudes, wheel=drive.wheel, imu=drive.imu
+    )
     camera.depth, camera.depth_camera = drive.depth, drive.depth_camera
     return camera

@@ -1,7 +1,6 @@
 """Intel RealSense: colour and depth of a device, with intrinsics and stamps."""
 
 import time
-from collections.abc import Callable
 from functools import cache
 from itertools import product
 from types import ModuleType
@@ -16,8 +15,6 @@ from edgemap.runtime.frames.extras import install_hint
 from edgemap.runtime.frames.limits import SILENCE_S
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, Aligned, start_motion, started, stop, to_bgr
-
-USUAL_MODE = 640, 480, 30  # px, px, Hz
 
 
 def import_realsense() -> ModuleType:
@@ -44,11 +41,6 @@ def _kept_context() -> Any:
 
     rs: Any = pyrealsense2
     return rs.context()
-
-
-def is_recording(rest: str) -> bool:
-    """Whether the address after `realsense:` is a file and not a serial number."""
-    return rest.endswith((".db3", ".bag")) or "/" in rest
 
 
 def lens_of(profile: Any, name: str) -> Intrinsics:
@@ -129,14 +121,12 @@ class RealSenseDriver:
         self._context = self._rs.context()
         self._serial = serial
         self.imu = ImuBuffer(clock_s=time.monotonic)
-        self._opened: Any = None
 
     def open(self) -> RealSenseDevice:
         """Start the colour stream. Raises CameraError where there is no such device or it does not start."""
         rs, failure = self._rs, None
         config = self.config()
-        width, height, rate_hz = USUAL_MODE
-        usual, any_size = (rs.stream.color, width, height, rs.format.bgr8, rate_hz), (rs.stream.color,)
+        usual, any_size = (rs.stream.color, 640, 480, rs.format.bgr8, 30), (rs.stream.color,)
         for wish, with_depth in product((usual, any_size), (True, False) if self._depth else (False,)):
             pipeline = rs.pipeline(self._context)
             config.disable_all_streams()
@@ -151,7 +141,6 @@ class RealSenseDriver:
             if with_depth and not pipeline.try_wait_for_frames(round(1e3 * SILENCE_S))[0]:
                 stop(pipeline)  # without depth no pictures would be delivered either
                 continue
-            self._opened = pipeline.get_active_profile().get_device()
             try:
                 motion = start_motion(rs, self._context, str(self._serial), profile, self.imu)
                 return RealSenseDevice(rs, pipeline, profile, self.name, motion, Aligned(rs) if with_depth else None)
@@ -174,21 +163,8 @@ class RealSenseDriver:
         config.enable_device(self._serial)
         return config
 
-    def reset(self) -> bool:
-        """Hardware reset by librealsense: the device leaves the bus and returns. False where it is not connected."""
+    def reset(self) -> None:
+        """Hardware reset by librealsense: the device leaves the bus and returns."""
         for device in self._context.query_devices():
             if device.get_info(self._rs.camera_info.serial_number) == self._serial:
                 device.hardware_reset()
-                return True
-        return False
-
-    def watch(self, changed: Callable[[bool], None]) -> None:
-        """Call `changed(True)` where any device is connected, `changed(False)` where this one is disconnected."""
-
-        def on_change(event: Any) -> None:
-            if self._opened is not None and event.was_removed(self._opened):
-                changed(False)
-            if len(event.get_new_devices()):
-                changed(True)
-
-        self._context.set_devices_changed_callback(on_change)

@@ -3,10 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.camera import Camera, CameraInfo
+from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraOptions
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
@@ -24,21 +22,12 @@ from edgemap.runtime.inputs.cameras.realsense_frames import (
 
 
 class RealSenseRecording(Camera):
-    """A `.db3` or `.bag` recorded by librealsense: every colour frame, in order, as fast as it is read.
-
-    depth: whether those of its depth stream come with them, aligned by librealsense in a separate playback, so that
-    colour is the same with and without.
+    """A `.db3` or `.bag` recorded by librealsense: every colour frame, in order, as fast as it is read. Its depth is
+    aligned by librealsense in a separate playback, so that colour is the same with and without.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        name: str,
-        intrinsics: Intrinsics | None = None,
-        mount: Mount | None = None,
-        depth: bool = True,
-    ) -> None:
-        super().__init__(CameraInfo(name, intrinsics=intrinsics, mount=mount))
+    def __init__(self, path: Path, name: str, how: CameraOptions) -> None:
+        super().__init__(CameraInfo(name, intrinsics=how.intrinsics, mount=how.mount))
         if not path.is_file():
             raise CameraError(f"{path}: no such file")
         self._rs = rs = import_realsense()
@@ -61,12 +50,12 @@ class RealSenseRecording(Camera):
             ) from None
         try:
             self.update_info(
-                intrinsics=intrinsics or lens_of(profile, str(path)),
+                intrinsics=how.intrinsics or lens_of(profile, str(path)),
                 size=picture_size(profile),
                 rate_hz=float(profile.fps()),
                 imu=recorded_motion(rs, path),
             )
-            self._depth = depth_beside(rs, path) if depth else None
+            self._depth = depth_beside(rs, path) if how.depth else None
         except EdgemapError:
             self.close()
             raise
@@ -80,11 +69,6 @@ class RealSenseRecording(Camera):
             return None
         colour = next((colour for frames in self._sets if (colour := frames.get_color_frame())), None)
         return None if colour is None else self._frame(colour)
-
-    @property
-    def stopped(self) -> bool:
-        """Whether librealsense has read the recording to its end, or playback was stopped."""
-        return self._playback.current_status() == self._rs.playback_status.stopped
 
     def close(self) -> None:
         """Stop playback."""

@@ -12,65 +12,11 @@ from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.limits import TICK_S
 from edgemap.runtime.frames.reading import error_line
 from edgemap.runtime.inputs.cameras.checked import size_of
-from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck, StreamClock
+from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck
 
 STALL_INTERVALS = 10  # median frame intervals after which a frame is late
-RESET_EVERY = 2  # restarts, of which the last begins with a reset of the hardware
 BACK_OFF_LIMIT_S = 30.0  # longest wait before a restart; so many seconds of frames restore one
-RETRY_S, RETRIES = 0.05, 3  # wait after a failed grab, and consecutive ones before the device is reopened
-
-
-class RecoveryClock:
-    """Tracks the frame intervals, the restarts that frames have not restored, and the wait before the next restart."""
-
-    def __init__(self, rule: RecoveryRule, now_s: float) -> None:
-        self.rule = rule
-        self.spent = 0.0
-        self.heard_s = now_s
-        self._intervals_s: deque[float] = deque(maxlen=30)
-        self.fresh = True  # no frame since the device was opened
-
-    @property
-    def restarts(self) -> int:
-        """Restarts that frames have not restored."""
-        return round(self.spent)
-
-    @property
-    def rate_hz(self) -> float | None:
-        """Rate of the latest frames; None before there are enough."""
-        enough = len(self._intervals_s) == self._intervals_s.maxlen
-        return 1.0 / max(statistics.fmean(self._intervals_s), 1e-3) if enough else None
-
-    @property
-    def stall_limit_s(self) -> float:
-        """Maximum time without a frame from the device, s."""
-        if not self._intervals_s:
-            return self.rule.first_frame_limit_s
-        running = max(self.rule.stall_limit_s, STALL_INTERVALS * statistics.median(self._intervals_s))
-        waking = min(self.rule.first_frame_limit_s, 3.0 * running * 2.0 ** max(0, self.restarts - 1))
-        return waking if self.fresh else running
-
-    @property
-    def exhausted(self) -> bool:
-        """Whether the budget is spent."""
-        return self.spent > self.rule.restarts - 1
-
-    def frame(self, now_s: float) -> None:
-        """Records the arrival of a good frame."""
-        if not self.fresh:
-            self._intervals_s.append(now_s - self.heard_s)
-            self.spent = max(0.0, self.spent - (now_s - self.heard_s) / BACK_OFF_LIMIT_S)
-        self.heard_s, self.fresh = now_s, False
-
-    def restart(self, now_s: float) -> bool:
-        """Uses one restart. Returns whether it should begin with a hardware reset."""
-        self.spent += 1.0
-        self.heard_s, self.fresh = now_s, True
-        return self.restarts % RESET_EVERY == 0
-
-    def back_off_s(self) -> float:
-        """Wait before the next restart, s; 0 before the first of a sequence."""
-        return min(BACK_OFF_LIMIT_S, TICK_S * 2.0 ** (self.restarts - 1)) if self.restarts else 0.0
+RETRIES = 3  # of grabs that fail in a row, before the device is opened again
 
 
 class Supervisor:
@@ -90,29 +36,35 @@ class Supervisor:
         wait: Callable[[float], object] | None = None,
     ) -> None:
         self.state = CameraState.RUNNING
-        self._driver, self._report, self._clock_s = driver, report, clock_s
+        self._driver, self._report, self._clock_s, self._rule = driver, report, clock_s, rule or RecoveryRule()
         self._wake = threading.Event()
         self._wait = wait or self._wake.wait
         self._device: Device | None = device
-        self._recovery = RecoveryClock(rule or RecoveryRule(), clock_s())
         self._check = DeliveryCheck(driver.name, size_of(device.size, driver.name), report)
+        self.clock = self._check.clock
+        self._intervals_s: deque[float] = deque(maxlen=30)
+        self._heard_s = clock_s()  # the latest frame or opening
+        self._fresh = True  # no frame since the device was opened
+        self._spent = 0.0  # restarts that frames have not restored
         self._failures = 0
         self._late_s: float | None = None
-        self._opened = self._resets = 0  # in this outage
         self._due_s = 0.0
         self._away_s = 0.0
-        self._removed = False
-        driver.watch(self._changed)
-
-    @property
-    def clock(self) -> StreamClock:
-        """The stream's."""
-        return self._check.clock
 
     @property
     def rate_hz(self) -> float | None:
-        """Rate at which the device delivers, as measured; None where not yet estimated."""
-        return self._recovery.rate_hz
+        """Rate of the latest frames; None before there are enough."""
+        enough = len(self._intervals_s) == self._intervals_s.maxlen
+        return 1.0 / max(statistics.fmean(self._intervals_s), 1e-3) if enough else None
+
+    @property
+    def _stall_limit_s(self) -> float:
+        """Maximum time without a frame from the device, s."""
+        if not self._intervals_s:
+            return self._rule.first_frame_limit_s
+        running = max(self._rule.stall_limit_s, STALL_INTERVALS * statistics.median(self._intervals_s))
+        waking = min(self._rule.first_frame_limit_s, 3.0 * running * 2.0 ** max(0, round(self._spent) - 1))
+        return waking if self._fresh else running
 
     def stream_s(self) -> float | None:
         """The current time on the stream clock, s."""
@@ -123,10 +75,6 @@ class Supervisor:
 
         Blocks no longer than one grab, one opening or `TICK_S`. Raises CameraLostError once the budget is spent.
         """
-        if self._removed and self._device is not None:
-            self._removed = False
-            self._fault(FaultKind.REMOVED, "was removed")
-            self._give_up_device()
         if self._device is None:
             return self._reopen()
         begun_s = self._clock_s()
@@ -156,49 +104,49 @@ class Supervisor:
             except BaseException as error:  # a removed device may fail to close; it counts as closed
                 self._fault(FaultKind.FAILED, f"does not close: {error_line(error)}")
 
-    def _changed(self, present: bool) -> None:
-        self._removed = not present
-        if present:
-            self._due_s = 0.0
-        self.wake()
-
     def _failed(self, error: BaseException, took_s: float) -> None:
         self._failures += 1
         if self._failures == 1:
             self._fault(FaultKind.FAILED, f"stopped delivering ({error_line(error)})")
         # A grab that ran into a time limit (of a network stream) has already taken the time of the retries.
-        if self._failures > RETRIES or took_s >= self._recovery.stall_limit_s:
+        if self._failures > RETRIES or took_s >= self._stall_limit_s:
             self._give_up_device()
         else:
-            self._wait(RETRY_S)
+            self._wait(0.05)
 
     def _silent(self, now_s: float) -> None:
-        limit_s = self._recovery.stall_limit_s
-        silent_s = now_s - self._recovery.heard_s
+        limit_s = self._stall_limit_s
+        silent_s = now_s - self._heard_s
         if silent_s < limit_s:
             return
         if self._late_s is None:
             self._late_s = now_s
             self._fault(FaultKind.LATE, f"no frame for {silent_s:.1f} s (limit {limit_s:.1f} s)")
-            if not self._recovery.fresh:  # one more limit: this process itself may have stalled
+            if not self._fresh:  # one more limit: this process itself may have stalled
                 return
-        if self._recovery.fresh or now_s - self._late_s >= limit_s:
+        if self._fresh or now_s - self._late_s >= limit_s:
             self._give_up_device()
 
     def _heard(self, now_s: float) -> None:
         if self.state is CameraState.DEGRADED:
             self.state = CameraState.RUNNING
-            how = f"opened {self._opened} times, reset {self._resets} times"
-            text = f"delivers again after {now_s - self._away_s:.1f} s ({how})"
+            text = f"delivers again after {now_s - self._away_s:.1f} s"
             self._report(CameraFault(FaultKind.RECOVERED, f"camera {self._driver.name}: {text}"))
-        self._recovery.frame(now_s)
+        if not self._fresh:
+            self._intervals_s.append(now_s - self._heard_s)
+            self._spent = max(0.0, self._spent - (now_s - self._heard_s) / BACK_OFF_LIMIT_S)
+        self._heard_s, self._fresh = now_s, False
         self._failures, self._late_s = 0, None
-        self._opened = self._resets = 0
 
     def _give_up_device(self) -> None:
         self.close()
         self._failures, self._late_s = 0, None
-        self._due_s = self._clock_s() + self._recovery.back_off_s()
+        self._back_off()
+
+    def _back_off(self) -> None:
+        """Sets when the next restart is due: the first of a sequence at once."""
+        restarts = round(self._spent)
+        self._due_s = self._clock_s() + min(BACK_OFF_LIMIT_S, TICK_S * 2.0 ** (restarts - 1) if restarts else 0.0)
 
     def _reopen(self) -> None:
         now_s = self._clock_s()
@@ -206,27 +154,26 @@ class Supervisor:
             self._wake.clear()
             self._wait(min(TICK_S, self._due_s - now_s))
             return
-        if self._recovery.exhausted:
+        if self._spent > self._rule.restarts - 1:
             self.state = CameraState.LOST
             raise CameraLostError(
                 f"camera {self._driver.name}: lost, no frame for {now_s - self._away_s:.0f} s and "
-                f"{self._recovery.rule.restarts} restarts are spent"
+                f"{self._rule.restarts} restarts are spent"
             )
-        reset = self._recovery.restart(now_s)
-        self._opened += 1
+        self._spent += 1.0
+        self._heard_s, self._fresh = now_s, True
         try:
-            if reset and self._driver.reset():
-                self._resets += 1
+            if round(self._spent) % 2 == 0:
+                self._driver.reset()
             self._device = self._driver.open()
         except BaseException as error:  # as in `poll`
             self._fault(FaultKind.CLOSED, f"does not open ({error_line(error)})")
-            self._due_s = self._clock_s() + self._recovery.back_off_s()
+            self._back_off()
             return
-        self._removed = False
         self.clock.restart()
-        self._recovery.heard_s = self._clock_s()
+        self._heard_s = self._clock_s()
 
     def _fault(self, kind: FaultKind, text: str) -> None:
         if self.state is CameraState.RUNNING:
-            self.state, self._away_s = CameraState.DEGRADED, self._recovery.heard_s
+            self.state, self._away_s = CameraState.DEGRADED, self._heard_s
         self._report(CameraFault(kind, f"camera {self._driver.name}: {text}"))

@@ -1,10 +1,8 @@
 """Cameras through OpenCV: a USB camera by V4L2, and a network camera, `rtsp://` or `http(s)://`, by FFmpeg."""
 
-import math
 import os
 import time
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
@@ -13,7 +11,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import Driver, Picture
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.limits import PATIENCE_S, SILENCE_S
-from edgemap.runtime.frames.reading import library_path, one_line, without_secrets
+from edgemap.runtime.frames.reading import library_path, without_secrets
 
 
 class CaptureDevice:
@@ -23,8 +21,7 @@ class CaptureDevice:
 
     def __init__(self, capture: cv2.VideoCapture, name: str) -> None:
         self._capture, self._name = capture, name
-        rate = capture.get(cv2.CAP_PROP_FPS)
-        self.rate_hz: float | None = float(rate) if math.isfinite(rate) and 0.0 < rate <= 1000.0 else None
+        self.rate_hz: float | None = capture.get(cv2.CAP_PROP_FPS)
         width, height = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
         self.size = (int(width), int(height))
         self._device_clock: bool | None = None
@@ -74,10 +71,6 @@ class StreamDriver(Driver):
     """Opens the address. Its password, where it has one, stays out of every message."""
 
     def __init__(self, url: str) -> None:
-        try:
-            urlsplit(url)
-        except ValueError as error:  # `rtsp://[`
-            raise CameraError(f"{without_secrets(url)}: not an address ({one_line(error)})") from None
         self.name = without_secrets(url)
         self._url = url
 

@@ -99,17 +99,12 @@ class RotatedCamera(CameraAround):
 class PacedCamera(CameraAround):
     """Delivers every frame of a file camera at its stamp, never earlier; a slow reader receives them late.
 
-    clock_s, sleep: a monotonic clock in seconds, and how to wait; tests pass others.
+    clock_s: a monotonic clock in seconds.
     """
 
-    def __init__(
-        self,
-        camera: Camera,
-        clock_s: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
+    def __init__(self, camera: Camera, clock_s: Callable[[], float] = time.monotonic) -> None:
         super().__init__(camera)
-        self._clock_s, self._sleep = clock_s, sleep
+        self._clock_s = clock_s
         self._start_s: float | None = None
         self._ahead: Frame | None = None
 
@@ -122,7 +117,7 @@ class PacedCamera(CameraAround):
             self._start_s = self._clock_s() - frame.stamp_s
         wait_s = self._start_s + frame.stamp_s - self._clock_s()
         if wait_s > 0:
-            self._sleep(min(wait_s, TICK_S))
+            time.sleep(min(wait_s, TICK_S))
         if wait_s > TICK_S:  # so that a stop is noticed
             self._ahead = frame
             raise FrameTimeout(f"{self.info.name}: the next frame is {wait_s:.1f} s ahead", None, self.state)

@@ -3,6 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
@@ -10,10 +12,11 @@ from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import read_text
 from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, upright_camera
-from edgemap.runtime.inputs.drives.camera_yaml import read_setup, stamps_for
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures, read_picture
-from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_matrices, trajectory
+from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_matrices, read_stamps
 
 
 def read_kitti(folder: Path) -> Drive:
@@ -46,7 +49,10 @@ def _read(
     path = folder / "poses.txt"
     poses = read_matrices(path, columns)
     check_count(path, len(poses), len(images), pictures_folder)
-    stamps = stamps_for(folder, times, len(images), pictures_folder, setup.rate_hz)
+    stamps = np.arange(len(images)) / setup.rate_hz
+    if stated := next((folder / name for name in times if (folder / name).is_file()), None):
+        stamps = read_stamps(stated)
+        check_count(stated, len(stamps), len(images), pictures_folder)
     depth = depth_beside(folder, len(images), pictures_folder) if kind == "c2w" else ()
     drive = Drive(
         kind, folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, None, depth=depth,
@@ -59,7 +65,7 @@ def _read(
         note(FaultKind.SAMPLES, f"{path}: no true poses: {error}")
         return drive
     attitudes = camera_attitudes(stamps, poses, setup.world_up) if kind == "c2w" else None
-    return replace(drive, truth=trajectory(path, stamps, planar), full_poses=full, attitudes=attitudes)
+    return replace(drive, truth=Trajectory(stamps, planar), full_poses=full, attitudes=attitudes)
 
 
 def _read_k(path: Path, first_picture: Path) -> Intrinsics:

@@ -1,4 +1,4 @@
-"""A data folder's `camera.yaml`: lens, mount, frame rate, which way is up in the poses; and where stamps come from."""
+"""A data folder's `camera.yaml`: lens, mount, frame rate, and which way is up in the poses."""
 
 import math
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import yaml
 from msgspec import Meta
-from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
@@ -19,11 +19,10 @@ from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, Name, Side, Strict, convert
-from edgemap.runtime.frames.spatial_poses import poses_of, quaternion_of
+from edgemap.runtime.frames.spatial_poses import poses_of
 from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE
 from edgemap.runtime.frames.yaml_file import read_yaml
 from edgemap.runtime.inputs.drives.lens_files import read_foreign_lens
-from edgemap.runtime.inputs.drives.pose_files import check_count, read_stamps
 
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Angle = Annotated[float, Meta(gt=-90.0, lt=90.0)]  # degrees
@@ -148,7 +147,7 @@ def write_camera_yaml(
     if depth is not None:
         tree["depth"] = _lens(depth.intrinsics) | {
             "position_m": depth.position_m.tolist(),
-            "quaternion_xyzw": quaternion_of(depth.rotation).tolist(),
+            "quaternion_xyzw": Rotation.from_matrix(depth.rotation).as_quat(canonical=True).tolist(),
         }
     if calibration:
         tree["calibration"] = calibration
@@ -189,14 +188,3 @@ def read_setup(folder: Path, world_up: str, intrinsics: Intrinsics | None = None
     file = read_camera_yaml(path)
     rate_hz, up = file.rate_hz or DEFAULT_RATE_HZ, file.world_up or world_up
     return Setup(file.intrinsics, file.mount, rate_hz, up, file.depth)
-
-
-def stamps_for(folder: Path, names: tuple[str, ...], pictures: int, where: Path, rate_hz: float) -> NDArray[np.float64]:
-    """Stamps in seconds, one per picture: from the first existing one of the named files, else index / rate."""
-    for name in names:
-        path = folder / name
-        if path.is_file():
-            stamps = read_stamps(path)
-            check_count(path, len(stamps), pictures, where)
-            return stamps
-    return np.arange(pictures) / rate_hz

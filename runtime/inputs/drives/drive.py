@@ -53,7 +53,7 @@ class Drive:
 
     images: in order of time; empty for a drive whose pictures are in `video`. stamps_s: seconds, one per picture.
     truth: poses of the base, relative to the first one. boxes: true boxes per picture, empty where unknown.
-    objects: records of `objects.json`. wheel: path of a CSV with the wheels' poses (stamp_s, x_m, y_m, yaw_rad).
+    objects: records of `objects.json`. wheel: the wheels' poses.
     attitudes: of the camera, where the recorded poses have six dimensions. imu: samples in the optical frame.
     depth: depth pictures, one per image, empty where there are none. depth_camera: theirs; None where they are
     registered to the pictures. full_poses: of the lens, (N, 4, 4), one per
@@ -70,7 +70,7 @@ class Drive:
     truth: Trajectory | None = None
     boxes: tuple[LabelledBoxes, ...] = ()
     objects: tuple[dict[str, Any], ...] = ()
-    wheel: Path | None = None
+    wheel: Trajectory | None = None
     video: Path | None = None
     depth: tuple[Path, ...] = ()
     depth_camera: DepthCamera | None = None

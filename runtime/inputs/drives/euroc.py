@@ -7,7 +7,7 @@ A picture's name is its stamp in nanoseconds. IMU samples are turned into the ca
 """
 
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -15,21 +15,18 @@ from msgspec import Meta
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.reading import Coordinate, Side, convert, read_bytes
+from edgemap.runtime.frames.reading import Coordinate, convert, read_bytes
 from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, poses_of
 from edgemap.runtime.frames.tables import Column, NumberTable, columns
-from edgemap.runtime.frames.trajectory import tum_rows
+from edgemap.runtime.frames.trajectory import Trajectory, tum_rows
 from edgemap.runtime.frames.yaml_file import read_yaml
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.lens_files import read_foreign_lens
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.drives.pose_files import rate_of_stamps, trajectory
+from edgemap.runtime.inputs.drives.pose_files import rate_of_stamps
 from edgemap.runtime.inputs.drives.sensor_csv import RATES
-
-T = TypeVar("T")
 
 STAMP_NS = Column("stamp_ns", 0.0, 1e19)
 SAMPLES = NumberTable((STAMP_NS, *RATES), samples=True)
@@ -58,13 +55,6 @@ class _Sensor(msgspec.Struct):
     T_BS: _Pose
 
 
-class _Camera(_Sensor):
-    resolution: tuple[Side, Side]
-    intrinsics: tuple[Coordinate, Coordinate, Coordinate, Coordinate]
-    distortion_coefficients: list[Coordinate] = []
-    distortion_model: str = "radial-tangential"
-
-
 def read_euroc(folder: Path) -> Drive:
     """Read a flight; stamps are seconds since its first IMU sample. A `camera.yaml` may add a mount.
 
@@ -74,13 +64,13 @@ def read_euroc(folder: Path) -> Drive:
     published = (folder / "mav0").is_dir()
     pictures, camera_yaml, imu, imu_yaml, truth = (folder / name for name in (PUBLISHED if published else FLAT))
     images = list_pictures(pictures)
-    camera = _sensor(camera_yaml, _Camera)
-    imu_body = _sensor(imu_yaml, _Sensor).T_BS.rotation if imu_yaml.is_file() else np.eye(3)
+    camera_body = _rotation(camera_yaml)
+    imu_body = _rotation(imu_yaml) if imu_yaml.is_file() else np.eye(3)
     _, rows = SAMPLES.read(imu, CameraError)
     start_ns = rows[0, 0]
     stamps = (rows[:, 0] - start_ns) * 1e-9
-    samples = ImuSamples(stamps, rows[:, 1:4], rows[:, 4:7]).rotated(camera.T_BS.rotation.T @ imu_body)
-    truth_stamps, poses = _poses(truth, start_ns, camera.T_BS.rotation if published else None)
+    samples = ImuSamples(stamps, rows[:, 1:4], rows[:, 4:7]).rotated(camera_body.T @ imu_body)
+    truth_stamps, poses = _poses(truth, start_ns, camera_body if published else None)
     taken = np.array([(_stamp_ns(path) - start_ns) * 1e-9 for path in images])
     if (np.diff(taken) <= 0.0).any():
         raise CameraError(f"{pictures}: two pictures have one stamp")
@@ -88,12 +78,12 @@ def read_euroc(folder: Path) -> Drive:
     if not known.any():
         first, last = truth_stamps[0], truth_stamps[-1]
         raise CameraError(f"{truth}: covers {first:.3f} to {last:.3f} s, no picture lies in it")
-    setup = read_setup(folder, world_up="z", intrinsics=_lens(camera_yaml, camera))
+    setup = read_setup(folder, world_up="z", intrinsics=read_foreign_lens(camera_yaml))
     rate_hz = rate_of_stamps(taken, setup.rate_hz)
     return Drive(
         "euroc", folder, tuple(image for image, there in zip(images, known, strict=True) if there), taken[known],
         setup.intrinsics, setup.mount, rate_hz,
-        trajectory(truth, truth_stamps, planarise_camera(poses, setup.world_up, setup.mount)),
+        Trajectory(truth_stamps, planarise_camera(poses, setup.world_up, setup.mount)),
         attitudes=camera_attitudes(truth_stamps, poses, setup.world_up), imu=samples,
     )  # fmt: skip
 
@@ -111,16 +101,9 @@ def _poses(path: Path, start_ns: float, camera_body: Array | None) -> tuple[Arra
     return stamps, poses
 
 
-def _sensor(path: Path, kind: type[T]) -> T:
-    return convert(read_yaml(path, CameraError), kind, path, CameraError, strict=False)
-
-
-def _lens(path: Path, camera: _Camera) -> Intrinsics:
-    try:
-        distortion = Distortion.named(camera.distortion_model, camera.distortion_coefficients)
-        return Intrinsics(*camera.resolution, *camera.intrinsics, distortion)
-    except GeometryError as error:
-        raise CameraError(f"{path}: {error}") from None
+def _rotation(path: Path) -> Array:
+    """A sensor's, (3, 3), to the body."""
+    return convert(read_yaml(path, CameraError), _Sensor, path, CameraError, strict=False).T_BS.rotation
 
 
 def _stamp_ns(path: Path) -> float:

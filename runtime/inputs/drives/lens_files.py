@@ -14,7 +14,6 @@ from edgemap.runtime.frames.reading import Side, convert, decode_json, one_line,
 from edgemap.runtime.frames.yaml_file import read_yaml
 
 Tree = Mapping[str, Any]
-HALF_PX = 0.5  # COLMAP and nerfstudio count from the corner of the first pixel
 OPENCV_KEYS = {  # in small letters without underscores
     "matrix": ("cameramatrix", "intrinsicmatrix", "k", "m1", "m"),
     "coefficients": ("distortioncoefficients", "distcoeffs", "distcoeff", "distortion", "d", "d1"),
@@ -73,7 +72,8 @@ def _of_kalibr(tree: Tree) -> Intrinsics:
     if (model := str(camera.get("camera_model", "pinhole"))) != "pinhole":
         raise CameraError(f"camera_model {one_line(model, 40)!r} is not supported (pinhole is)")
     coefficients = camera.get("distortion_coeffs", camera.get("distortion_coefficients", []))
-    distortion = Distortion.named(str(camera.get("distortion_model", "none")), coefficients)
+    usual = "radtan" if coefficients else "none"
+    distortion = Distortion.named(str(camera.get("distortion_model", usual)), coefficients)
     return _lens(camera["resolution"], camera["intrinsics"], distortion)
 
 
@@ -146,12 +146,12 @@ def _of_nerfstudio(tree: Tree) -> Intrinsics:
 
 
 def _from_corner(size: Sequence[Any], values: dict[str, float], model: str) -> Intrinsics:
-    """A lens by named numbers, whose principal point counts from the picture's corner."""
+    """A lens by named numbers, whose principal point counts from the corner of the first pixel."""
     focal = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
     order = {"none": "", "fisheye": "k1 k2 k3 k4"}.get(model, RATIONAL)
     coefficients = [values.get(name, 0.0) for name in order.split()]
     distortion = Distortion.named("rational" if order == RATIONAL else model, coefficients)
-    return _lens(size, (*focal, values["cx"] - HALF_PX, values["cy"] - HALF_PX), distortion)
+    return _lens(size, (*focal, values["cx"] - 0.5, values["cy"] - 0.5), distortion)
 
 
 def _lens(size: Sequence[Any], numbers: Sequence[Any], distortion: Distortion) -> Intrinsics:

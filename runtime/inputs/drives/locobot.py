@@ -20,7 +20,7 @@ from edgemap.runtime.frames.trajectory import Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_tum_3d, trajectory
+from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_tum_3d
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 
 
@@ -30,17 +30,17 @@ def read_locobot(folder: Path) -> Drive:
     depth = depth_beside(folder, len(images), folder / "rgb")
     setup = read_setup(folder, world_up="z")
     wheel_path = folder / "odometry.csv"
-    stamps, poses = read_wheel_csv(wheel_path)
+    wheel = read_wheel_csv(wheel_path)
+    stamps, truth = wheel.stamps_s, wheel.from_start()
     check_count(wheel_path, len(stamps), len(images), folder / "rgb")
-    truth = trajectory(wheel_path, stamps, poses)
     better = folder / "poses.tum"
     if better.is_file():
         _, matrices = read_tum_3d(better)
         check_count(better, len(matrices), len(images), folder / "rgb")
-        truth = trajectory(better, stamps, planarise_base(matrices, setup.world_up))
+        truth = Trajectory(stamps, planarise_base(matrices, setup.world_up))
     lens, mount, rate_hz = setup.intrinsics, setup.mount, setup.rate_hz
     return Drive(
-        "locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel_path, depth=depth,
+        "locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel, depth=depth,
         depth_camera=setup.depth,
     )  # fmt: skip
 

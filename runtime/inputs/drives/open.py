@@ -59,34 +59,16 @@ def _with_views(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[st
     return msgspec.structs.asdict(record)
 
 
-class LabelledPictures:
-    """The first `limit` pictures of a drive with their true boxes: iterate for (BGR picture, LabelledBoxes)."""
-
-    def __init__(self, drive: Drive, limit: int | None = None) -> None:
-        self._drive = drive
-        self._boxes = drive.boxes[:limit]
-
-    def __len__(self) -> int:
-        """Number of pictures."""
-        return len(self._boxes)
-
-    def __iter__(self) -> Iterator[tuple[NDArray[np.uint8], LabelledBoxes]]:
-        """In order; each picture is read when it is requested. Raises CameraError for a damaged one."""
-        pictures = map(read_picture, self._drive.images) if self._drive.images else self._decoded()
-        yield from zip(pictures, self._boxes, strict=False)
-
-    def _decoded(self) -> Iterator[NDArray[np.uint8]]:
-        video = cv2.VideoCapture(library_path(self._drive.video or ""))
-        while True:
-            good, picture = video.read()
-            if not good:
-                return
-            yield np.asarray(picture, dtype=np.uint8)
+def labelled_pictures(drive: Drive, limit: int | None) -> Iterator[tuple[NDArray[np.uint8], LabelledBoxes]]:
+    """The first BGR pictures with their true boxes, in order. Raises CameraError for a damaged picture."""
+    pictures = map(read_picture, drive.images) if drive.images else _decoded(drive.video)
+    return zip(pictures, drive.boxes[:limit], strict=False)
 
 
-def labelled_pictures(spec: str, limit: int | None = None) -> LabelledPictures:
-    """The labelled pictures of `KIND:DIR`. Raises CameraError where it has no true boxes."""
-    drive = open_drive(spec)
-    if not drive.boxes:
-        raise CameraError(f"{spec}: no true boxes in it (yolo labels, or boxes.json beside a drive)")
-    return LabelledPictures(drive, limit)
+def _decoded(path: Path | None) -> Iterator[NDArray[np.uint8]]:
+    video = cv2.VideoCapture(library_path(path or ""))
+    while True:
+        good, picture = video.read()
+        if not good:
+            return
+        yield np.asarray(picture, dtype=np.uint8)

@@ -36,9 +36,8 @@ from edgemap.runtime.inputs.drives.pose_files import (
     rate_of_stamps,
     read_stamps,
     read_tum_3d,
-    trajectory,
 )
-from edgemap.runtime.inputs.drives.sensor_csv import write_wheel_csv
+from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 from edgemap.runtime.inputs.drives.truth import read_boxes
 
 VIDEO_NAME = "video.mp4"
@@ -53,7 +52,7 @@ def read_own(folder: Path) -> Drive:
     path = folder / "poses.tum"
     stamps, matrices = read_tum_3d(path)
     world_up = camera.world_up or "z"
-    truth = trajectory(path, stamps, planarise_base(matrices, world_up))
+    truth = Trajectory(stamps, planarise_base(matrices, world_up))
     attitudes = base_attitudes(stamps, matrices, world_up, camera.mount) if camera.mount else None
     source = folder / "images" if images else folder / VIDEO_NAME
     if (folder / "stamps.txt").is_file():
@@ -74,7 +73,7 @@ def read_own(folder: Path) -> Drive:
     wheel, rate_hz = folder / "wheel.csv", camera.rate_hz or rate_of_stamps(stamps, DEFAULT_RATE_HZ)
     return Drive(
         "drive", folder, images, stamps, camera.intrinsics, camera.mount, rate_hz, truth,
-        boxes=boxes, wheel=wheel if wheel.is_file() else None, video=video,
+        boxes=boxes, wheel=read_wheel_csv(wheel) if wheel.is_file() else None, video=video,
         depth=depth_beside(folder, len(stamps), source), depth_camera=camera.depth, attitudes=attitudes,
     )  # fmt: skip
 

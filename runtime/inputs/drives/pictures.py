@@ -49,8 +49,6 @@ def list_pictures(folder: Path) -> tuple[Path, ...]:
 
 def first_folder(folder: Path, names: tuple[str, ...]) -> Path:
     """The first of the sub-folders that holds pictures, or else the folder itself."""
-    if not folder.is_dir():
-        raise CameraError(f"{printable(folder)}: no such folder")
     return next((folder / name for name in names if has_pictures(folder / name)), folder)
 
 
@@ -115,20 +113,15 @@ def _is_cut_short(data: bytes) -> bool:
     return data.startswith(b"\x89PNG") and b"IEND" not in data
 
 
-def read_depth(path: Path) -> Depth:
-    """A 16-bit picture of millimetres. Raises CameraError."""
-    image = decoded(read_bytes(path, CameraError), str(path), cv2.IMREAD_UNCHANGED)
-    if image is None or image.dtype != np.uint16 or image.ndim != 2:
-        raise CameraError(f"{path}: not a depth picture (one channel of 16 bits, millimetres)")
-    return image.astype(np.float32) / np.float32(1000.0)
-
-
 def readable_depth(path: Path) -> Depth | str:
-    """The same, or why it cannot be read, since depth is optional."""
+    """A 16-bit picture of millimetres as depth, or why it cannot be read, since depth is optional."""
     try:
-        return read_depth(path)
+        image = decoded(read_bytes(path, CameraError), str(path), cv2.IMREAD_UNCHANGED)
     except CameraError as error:
         return str(error)
+    if image is None or image.dtype != np.uint16 or image.ndim != 2:
+        return f"{path}: not a depth picture (one channel of 16 bits, millimetres)"
+    return image.astype(np.float32) / np.float32(1000.0)
 
 
 # Names of pixel formats, of sensor_msgs/image_encodings and librealsense: channels, and how OpenCV makes BGR of them

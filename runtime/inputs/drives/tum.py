@@ -7,18 +7,13 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import read_text
 from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 from edgemap.runtime.inputs.drives.camera_yaml import Setup, read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures
-from edgemap.runtime.inputs.drives.pose_files import (
-    check_count,
-    listed,
-    rate_of_stamps,
-    read_tum_3d,
-    trajectory,
-)
+from edgemap.runtime.inputs.drives.pose_files import STAMPS, check_count, increasing, rate_of_stamps, read_tum_3d
 
 MAX_GAP_S = 0.2  # truth is not interpolated over longer holes (the tracker lost the camera)
 
@@ -38,7 +33,7 @@ def read_tum_drive(folder: Path) -> Drive:
         path = folder / "poses.tum"
         stamps, poses = read_tum_3d(path)
         check_count(path, len(stamps), len(images), pictures_folder)
-        truth = trajectory(path, stamps, planarise_camera(poses, setup.world_up, setup.mount))
+        truth = Trajectory(stamps, planarise_camera(poses, setup.world_up, setup.mount))
         attitudes = camera_attitudes(stamps, poses, setup.world_up)
     rate_hz = rate_of_stamps(stamps, setup.rate_hz)
     return Drive("tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes)
@@ -49,8 +44,8 @@ def _listed_pictures(
 ) -> tuple[tuple[Path, ...], Array, Trajectory | None, AttitudeTrack | None]:
     """Pictures of `rgb.txt` with stamps, truth and attitudes; without those that the truth does not cover."""
     listing = folder / "rgb.txt"
-    good, stamps, lines = listed(listing, 2)
-    images = tuple(folder / lines[at].split(maxsplit=1)[1] for at in good)
+    stamps, names = _listed(listing)
+    images = tuple(folder / name for name in names)
     truth_path = folder / "groundtruth.txt"
     if not truth_path.is_file():
         return images, stamps, None, None
@@ -64,9 +59,20 @@ def _listed_pictures(
         )
     poses_at: tuple[SE2, ...] = tuple(recorded.at(float(stamps[i]), MAX_GAP_S) for i in known)
     kept = stamps[known]
-    truth = trajectory(truth_path, kept, poses_at)
     attitudes = camera_attitudes(truth_stamps, poses, setup.world_up)
-    return tuple(images[i] for i in known), kept, truth, attitudes
+    return tuple(images[i] for i in known), kept, Trajectory(kept, poses_at).from_start(), attitudes
+
+
+def _listed(path: Path) -> tuple[Array, list[str]]:
+    """Stamps (N,) and file names of a file that lists them, one pair a line. Raises CameraError."""
+    lines = [line.split(maxsplit=1) for line in read_text(path, CameraError).splitlines()]
+    stamps = "\n".join("".join(line[:1]) for line in lines)
+    numbers, rows = STAMPS.parse(stamps.encode(), str(path), CameraError)
+    names = ["".join(lines[number - 1][1:]).strip() for number in numbers]
+    for number, name in zip(numbers, names, strict=True):
+        if not name or not name.isprintable():
+            raise CameraError(f"{path}:{number}: no file is named after the stamp")
+    return increasing(path, numbers, rows), names
 
 
 def _is_covered(truth_stamps: Array, stamp: float) -> bool:

@@ -29,9 +29,6 @@ def label_table(names: Sequence[str], scored: bool = False) -> NumberTable:
     return NumberTable((Column("class", 0.0, len(names) - 1.0), *columns(fields, 0.0, 1.0)))
 
 
-LABELS = label_table(COCO_NAMES)
-
-
 def read_yolo(folder: Path) -> Drive:
     """Read labelled pictures; class numbers are those of `classes.txt` or `data.yaml`, of COCO where there is neither.
 
@@ -46,8 +43,6 @@ def read_yolo(folder: Path) -> Drive:
         check_count(folder / "boxes.json", len(known), len(images), folder / "images")
         return _drive(folder, images, known)
     labels = folder / "labels"
-    if not labels.is_dir():
-        raise CameraError(f"{labels}: no such folder")
     paths = [labels / f"{image.stem}.txt" for image in images]
     if not any(path.is_file() for path in paths):
         raise CameraError(f"{labels}: no label file for any of the {len(images)} pictures in {folder / 'images'}")
@@ -77,7 +72,7 @@ def _read_labels(path: Path, image: Path, names: tuple[str, ...]) -> LabelledBox
     data = read_bytes(path, CameraError) if path.is_file() else b""
     if not data.strip():
         return LabelledBoxes(np.zeros((0, 4)), ())
-    scored = len(data.split(b"\n", 1)[0].split()) == 1 + len(LABELS.columns)
+    scored = len(data.split(b"\n", 1)[0].split()) == 6
     numbers, rows = label_table(names, scored).parse(data, str(path), CameraError)
     classes = rows[:, 0].astype(np.int64)
     if len(odd := np.flatnonzero(classes != rows[:, 0])):

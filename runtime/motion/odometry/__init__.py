@@ -10,7 +10,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.trajectory import PoseTrack, TrackFile
 from edgemap.runtime.motion.given_poses import GivenPoses, read_given
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.judge import JudgeRule, MotionJudge
@@ -77,7 +76,7 @@ def open_odometry(
     if spec == "wheel":
         if camera.info.wheel is None:
             raise OdometryError(f"odometry wheel: {camera.info.name} brings no wheel odometry")
-        wheel = _wheels(camera.info.wheel, rules)
+        wheel = RecordedOdometry(camera.info.wheel, WHEELS, rules.wheels)
         return judged(wheel.name, lambda _: (wheel, None), FaultKind.WHEELS_EXCLUDED)
     if is_pose_file(spec):
         file = read_given(Path(spec), floor.mount, pose_frame)
@@ -112,11 +111,6 @@ def _hybrid(
     return HybridOdometry(hybrid_sources(camera, floor, wheels, rules, tilt), rules.hybrid, coasting, health)
 
 
-def _wheels(wheels: TrackFile | PoseTrack, rules: OdometryRules) -> RecordedOdometry:
-    track = wheels.track() if isinstance(wheels, TrackFile) else wheels
-    return RecordedOdometry(track, f"wheel:{wheels}", rules.wheels)
-
-
 def hybrid_sources(
     camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules, tilt: MountTiltRule | None = None
 ) -> dict[str, Odometry]:
@@ -124,7 +118,7 @@ def hybrid_sources(
     pictures = WindowOdometry(floor, rules.pictures, rules.coasting, tilt, at_head_height(camera, floor))
     sources: dict[str, Odometry] = {CAMERA: pictures}
     if wheels and camera.info.wheel is not None:
-        sources[WHEELS] = _wheels(camera.info.wheel, rules)
+        sources[WHEELS] = RecordedOdometry(camera.info.wheel, WHEELS, rules.wheels)
     return sources | {GYRO: GyroOdometry()}
 
 

@@ -5,9 +5,9 @@ import math
 import re
 import subprocess
 import sys
+from contextlib import suppress
 from fractions import Fraction
 from itertools import islice
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -65,23 +65,6 @@ def test_a_video_gives_every_frame_with_its_time(tmp_path):
     np.testing.assert_allclose([frame.stamp_s for frame in frames], np.arange(20) / 10, atol=1e-3)
 
 
-def test_a_cut_off_video_delivers_what_is_good_and_then_says_so(tmp_path):
-    whole = tmp_path / "v.avi"
-    writer = cv2.VideoWriter(str(whole), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 48))
-    random = np.random.default_rng(0)
-    for _ in range(40):
-        writer.write(random.integers(0, 256, (48, 64, 3), dtype=np.uint8))
-    writer.release()
-    cut = tmp_path / "cut.avi"
-    data = whole.read_bytes()
-    cut.write_bytes(data[: len(data) // 2])
-    with open_camera(str(cut)) as camera:
-        for _ in range(15):
-            assert camera.read() is not None
-        with pytest.raises(CameraError, match=r"cut\.avi: cut off, (1[5-9]|2[01]) of 40 announced frames decoded"):
-            stamps_of(camera)
-
-
 @pytest.mark.parametrize(
     ("content", "why"),
     [
@@ -129,21 +112,16 @@ def test_a_video_that_does_not_match_its_poses_is_an_error(tmp_path, frames, tex
         stamps_of(camera)
 
 
-def a_clock():
-    """now[0], waits, and a sleep that both follow."""
+def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path, monkeypatch):
+    write_pictures(tmp_path / "p", 4)
     now, waits = [50.0], []
 
     def sleep(seconds):
         waits.append(seconds)
         now[0] += seconds
 
-    return now, waits, sleep
-
-
-def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path):
-    write_pictures(tmp_path / "p", 4)
-    now, waits, sleep = a_clock()
-    camera = PacedCamera(open_camera(str(tmp_path / "p")), clock_s=lambda: now[0], sleep=sleep)
+    monkeypatch.setattr("time.sleep", sleep)
+    camera = PacedCamera(open_camera(str(tmp_path / "p")), clock_s=lambda: now[0])
     assert camera.read().stamp_s == 0.0
     now[0] += 0.03  # the reader works
     assert camera.read().stamp_s == 0.1
@@ -232,19 +210,11 @@ def test_a_variable_frame_rate_is_no_cut_and_a_cut_is(tmp_path):
         assert len(list(iter(camera.read, None))) == 90
     whole = (tmp_path / "vfr.mkv").read_bytes()
     (tmp_path / "cut.mkv").write_bytes(whole[: len(whole) // 2])
-    with open_camera(str(tmp_path / "cut.mkv")) as camera, pytest.raises(CameraError, match="cut off"):
-        list(iter(camera.read, None))
-
-
-READ = """
-import sys
-from pathlib import Path
-sys.path[:0] = sys.argv[2:]
-from test_file_cameras import read_all
-sizes, end = read_all(Path(sys.argv[1]))
-assert len(set(sizes)) <= 1
-assert "\\n" not in end
-"""
+    with open_camera(str(tmp_path / "cut.mkv")) as camera:
+        for _ in range(30):
+            assert camera.read() is not None
+        with pytest.raises(CameraError, match=r"cut\.mkv: cut off, \d\d of \d+ announced frames decoded"):
+            list(iter(camera.read, None))
 
 
 def jpeg(size, level):
@@ -252,38 +222,30 @@ def jpeg(size, level):
     return cv2.imencode(".jpg", image)[1].tobytes()
 
 
-def read_all(path):
-    """Sizes of the frames, and how it ended."""
-    sizes, faults = [], []
-    try:
-        with VideoCamera("video", path) as camera:
-            while (frame := next_frame(camera, faults.append)) is not None:
-                sizes.append(frame.image.shape[:2])
-    except CameraError as error:
-        return sizes, str(error)
-    return sizes, ""
+def sizes_of(path):
+    """Of the frames before the end, or before one line."""
+    sizes = set()
+    with VideoCamera("video", path) as camera, suppress(CameraError):
+        while (frame := camera.read()) is not None:
+            sizes.add(frame.image.shape[:2])
+    return sizes
 
 
 def test_a_video_that_changes_its_size_delivers_one_size_or_says_so(tmp_path):
     path = tmp_path / "changing.mjpeg"
     path.write_bytes(b"".join([jpeg((64, 48), k) for k in range(5)] + [jpeg((128, 96), k) for k in range(5, 10)]))
-    sizes, end = read_all(path)
-    assert set(sizes) == {(48, 64)}
-    assert "\n" not in end
+    assert sizes_of(path) == {(48, 64)}
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_video_with_a_broken_middle_ends_in_order(tmp_path, seed):
     random = np.random.default_rng(seed)
-    data = bytearray(next(DEMO.glob("*.mp4")).read_bytes())
+    data = bytearray((DEMO / "video.mp4").read_bytes())
     start = int(random.integers(len(data) // 4, len(data) // 2))
     data[start : start + 20_000] = random.bytes(20_000)
     path = tmp_path / "broken.mp4"
     path.write_bytes(data)
-    folders = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
-    command = [sys.executable, "-c", READ, str(path), *folders]  # what ends the process ends this one
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert ended.returncode == 0, ended.stderr[-500:]
+    assert sizes_of(path) == {(480, 640)}
 
 
 class Stamped(MadeCamera):

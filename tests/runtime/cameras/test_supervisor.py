@@ -19,11 +19,9 @@ from edgemap.runtime.frames.errors import (
     CameraFault,
     CameraLostError,
     CameraState,
-    FaultKind,
     FrameTimeout,
 )
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.supervisor import RecoveryClock
 from edgemap.runtime.inputs.cameras.webcam import StreamDriver
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 from edgemap.runtime.inputs.open import open_camera
@@ -120,26 +118,7 @@ def test_a_device_that_stays_dead_is_opened_then_reset_with_growing_waits():
     drain(camera, 20, faults)
     assert driver.calls == ["open", "close", "open", "reset", "open", "open", "reset", "open", "open"]
     assert kinds(faults) == ["failed", *["closed"] * 4, "recovered"]
-    assert "opened 5 times, reset 2 times" in str(faults[-1])
     assert clock() - before == pytest.approx(2.0 + 0.4 + 0.15 + 0.5 + 1.0 + 2.0 + 4.0, abs=0.5)
-
-
-def test_an_unplugged_device_is_noticed_at_once_and_one_plugged_in_is_opened_at_once():
-    camera, driver, clock = scripted(closed=6)
-    drain(camera, 20)
-    driver.changed(False)
-    faults, before = [], clock()
-    with pytest.raises(CameraFault) as caught:
-        camera.read()
-    assert caught.value.kind is FaultKind.REMOVED
-    while driver.closed > 1:
-        with pytest.raises((CameraFault, FrameTimeout)):
-            camera.read()
-    driver.closed, waited = 0, clock()
-    driver.changed(True)
-    drain(camera, 1, faults)
-    assert clock() - waited < 0.5  # and not the 16 s of its back-off
-    assert waited - before > 7.0
 
 
 def test_a_camera_that_never_comes_back_is_lost_after_its_budget():
@@ -179,13 +158,10 @@ def test_away_the_stream_time_goes_on():
     assert caught.value.state is CameraState.DEGRADED
 
 
-STILL = picture(77)
-
-
 @pytest.mark.parametrize(
     ("script", "expected", "delivered"),
     [
-        ({5: (100.55, picture(4)), 6: (100.55, picture(4))}, ["stamp", "stale"], 1),
+        ({5: (100.55, picture(4)), 6: (100.55, picture(4))}, [], 1),
         ({5: (float("nan"), picture(5))}, ["stamp"], 1),
         ({5: (float("inf"), picture(5))}, ["stamp"], 1),
         ({5: (1e308, picture(5))}, ["stamp"], 1),
@@ -194,16 +170,14 @@ STILL = picture(77)
         ({5: (100.6, picture(5, (8, 4)))}, ["size"], 0),
         ({5: (100.6, picture(5).astype(np.float32))}, ["format"], 0),
         ({5: (100.6, np.zeros((4, 6, 4), np.uint8))}, ["format"], 0),
-        ({5: (100.6, picture(5)[..., 1])}, ["grey"], 1),
-        ({5: (100.6, np.full((4, 6, 3), 128, np.uint8))}, ["grey"], 1),
-        ({5: (100.6, STILL), 6: (100.7, STILL), 7: (100.8, STILL)}, ["stale"], 3),
+        ({5: (100.6, picture(5)[..., 1])}, ["format"], 0),
     ],
 )
 def test_what_is_wrong_with_a_picture_is_named_and_stamps_go_on(script, expected, delivered):
     camera, driver, _ = scripted(script)
     faults = []
     frames = drain(camera, 30, faults)
-    assert kinds(faults) == expected or (kinds(faults) == ["stale"] and expected == ["stamp", "stale"])
+    assert kinds(faults) == expected
     assert driver.calls == ["open"]
     assert driver.grabs == 30 + len(script) - delivered
     assert increasing(frames).max() < 0.35
@@ -231,12 +205,12 @@ def test_a_devices_stamps_follow_from_those_of_its_frames_though_its_clock_is_se
 
 
 def test_the_rate_of_a_device_is_measured_once_there_are_enough_frames():
-    clock = RecoveryClock(RecoveryRule(), 0.0)
-    for index in range(30):
-        clock.frame(0.1 * index)
-    assert clock.rate_hz is None
-    clock.frame(3.0)
-    assert clock.rate_hz == pytest.approx(10.0)
+    camera, driver, _ = scripted(rate_hz=8.0)
+    driver.period_s = 0.2  # whatever it states
+    drain(camera, 30)
+    assert camera.info.rate_hz == 8.0
+    drain(camera, 1)
+    assert camera.info.rate_hz == pytest.approx(5.0)
 
 
 # This process may be kept waiting by others, so only a driver that says so is a fault.

