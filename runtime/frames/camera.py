@@ -198,7 +198,8 @@ class Device(Protocol):
 
 
 class Driver(Protocol):
-    """Opens one camera, repeatedly. name: the SPEC. A class that inherits it has no reset."""
+    """Opens one camera, repeatedly. name: the SPEC. A class that inherits it has neither a reset nor a watch, for
+    cameras whose reads fail when they are gone."""
 
     name: str
 
@@ -208,6 +209,9 @@ class Driver(Protocol):
 
     def reset(self) -> None:
         """Reset the hardware of a closed camera, where it can be reset."""
+
+    def watch(self, changed: Callable[[bool], None]) -> None:
+        """Have `changed(present)` called, from any thread, when the device is plugged in (True) or removed (False)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ class FaultKind(StrEnum):
     LATE = "late"  # silent beyond the stall limit
     FAILED = "failed"  # the device's driver raised an error
     CLOSED = "closed"  # the device does not open
+    REMOVED = "removed"  # the system reports that the device was removed
     LOST = "lost"  # a live camera that its supervisor has given up on
     STAMP = "stamp"  # a stamp that repeats or is not a number
     CLOCK = "clock"  # stamps that jump

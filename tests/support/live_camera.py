@@ -35,7 +35,7 @@ class ScriptedDriver:
     def __init__(self, clock, script=None, rate_hz=10.0, closed=0, size=(6, 4)):
         self.clock, self.script, self.closed = clock, dict(script or {}), closed
         self.period_s, self.size, self.rate_hz, self.intrinsics = 1.0 / rate_hz, size, rate_hz, None
-        self.calls, self.opened, self.grabs = [], 0, 0
+        self.calls, self.opened, self.grabs, self.changed = [], 0, 0, None
 
     def open(self):
         self.calls.append("open")
@@ -62,6 +62,9 @@ class ScriptedDriver:
 
     def reset(self):
         self.calls.append("reset")
+
+    def watch(self, changed):
+        self.changed = changed
 
 
 def scripted(script=None, rule=None, **options) -> Any:

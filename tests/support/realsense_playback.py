@@ -18,3 +18,7 @@ class Playback(RealSenseDriver):
         config = self._rs.config()
         config.enable_device_from_file(str(self.path), repeat_playback=False)
         return config
+
+    def plug_in(self):
+        """As where a device comes to the bus."""
+        self._context.load_device(str(self.path))

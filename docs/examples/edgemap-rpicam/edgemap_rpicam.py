@@ -58,7 +58,7 @@ class RpicamDevice:
 
 
 class RpicamDriver(Driver):
-    """Opens one camera, again and again. There is nothing to reset; a camera that is gone ends the program."""
+    """Opens one camera, again and again. It has no reset, and one that is gone ends the program: `Driver`'s own do."""
 
     def __init__(self, number: str, intrinsics: Intrinsics | None) -> None:
         self.name, self._number = f"rpicam:{number}", number

@@ -1,6 +1,7 @@
 """Intel RealSense: colour and depth of a device, with intrinsics and stamps."""
 
 import time
+from collections.abc import Callable
 from functools import cache
 from itertools import product
 from types import ModuleType
@@ -121,6 +122,7 @@ class RealSenseDriver:
         self._context = self._rs.context()
         self._serial = serial
         self.imu = ImuBuffer(clock_s=time.monotonic)
+        self._opened: Any = None
 
     def open(self) -> RealSenseDevice:
         """Start the colour stream. Raises CameraError where there is no such device or it does not start."""
@@ -141,6 +143,7 @@ class RealSenseDriver:
             if with_depth and not pipeline.try_wait_for_frames(round(1e3 * SILENCE_S))[0]:
                 stop(pipeline)  # without depth no pictures would be delivered either
                 continue
+            self._opened = pipeline.get_active_profile().get_device()
             try:
                 motion = start_motion(rs, self._context, str(self._serial), profile, self.imu)
                 return RealSenseDevice(rs, pipeline, profile, self.name, motion, Aligned(rs) if with_depth else None)
@@ -168,3 +171,14 @@ class RealSenseDriver:
         for device in self._context.query_devices():
             if device.get_info(self._rs.camera_info.serial_number) == self._serial:
                 device.hardware_reset()
+
+    def watch(self, changed: Callable[[bool], None]) -> None:
+        """Call `changed(True)` where any device is connected, `changed(False)` where this one is disconnected."""
+
+        def on_change(event: Any) -> None:
+            if self._opened is not None and event.was_removed(self._opened):
+                changed(False)
+            if len(event.get_new_devices()):
+                changed(True)
+
+        self._context.set_devices_changed_callback(on_change)

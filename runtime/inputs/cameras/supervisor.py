@@ -50,6 +50,8 @@ class Supervisor:
         self._late_s: float | None = None
         self._due_s = 0.0
         self._away_s = 0.0
+        self._removed = False
+        driver.watch(self._changed)
 
     @property
     def rate_hz(self) -> float | None:
@@ -75,6 +77,10 @@ class Supervisor:
 
         Blocks no longer than one grab, one opening or `TICK_S`. Raises CameraLostError once the budget is spent.
         """
+        if self._removed and self._device is not None:
+            self._removed = False
+            self._fault(FaultKind.REMOVED, "was removed")
+            self._give_up_device()
         if self._device is None:
             return self._reopen()
         begun_s = self._clock_s()
@@ -103,6 +109,12 @@ class Supervisor:
                 device.close()
             except BaseException as error:  # a removed device may fail to close; it counts as closed
                 self._fault(FaultKind.FAILED, f"does not close: {error_line(error)}")
+
+    def _changed(self, present: bool) -> None:
+        self._removed = not present
+        if present:
+            self._due_s = 0.0
+        self.wake()
 
     def _failed(self, error: BaseException, took_s: float) -> None:
         self._failures += 1
@@ -170,6 +182,7 @@ class Supervisor:
             self._fault(FaultKind.CLOSED, f"does not open ({error_line(error)})")
             self._back_off()
             return
+        self._removed = False
         self.clock.restart()
         self._heard_s = self._clock_s()
 

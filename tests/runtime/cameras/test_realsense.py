@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import textwrap
+import threading
 from typing import Any
 
 import numpy as np
@@ -152,3 +153,18 @@ def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):
     stamps = np.diff([frame.stamp_s for frame in frames])
     assert (stamps > 0).all()  # the second playback's stamps begin again, the stream's do not
     assert any((frames[0].image[..., ::-1] == picture).all() for picture in pictures)
+
+
+def test_librealsenses_device_change_callback_says_what_came(realsense_recording):
+    # That something went, librealsense does not say of recordings.
+    path, _, _ = realsense_recording
+    driver, told, changed = Playback(path), [], threading.Event()
+
+    def tell(present):
+        told.append(present)
+        changed.set()
+
+    driver.watch(tell)
+    driver.plug_in()
+    assert changed.wait(5.0)
+    assert told == [True]

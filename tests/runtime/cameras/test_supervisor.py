@@ -19,6 +19,7 @@ from edgemap.runtime.frames.errors import (
     CameraFault,
     CameraLostError,
     CameraState,
+    FaultKind,
     FrameTimeout,
 )
 from edgemap.runtime.inputs.cameras.live import LiveCamera
@@ -119,6 +120,24 @@ def test_a_device_that_stays_dead_is_opened_then_reset_with_growing_waits():
     assert driver.calls == ["open", "close", "open", "reset", "open", "open", "reset", "open", "open"]
     assert kinds(faults) == ["failed", *["closed"] * 4, "recovered"]
     assert clock() - before == pytest.approx(2.0 + 0.4 + 0.15 + 0.5 + 1.0 + 2.0 + 4.0, abs=0.5)
+
+
+def test_an_unplugged_device_is_noticed_at_once_and_one_plugged_in_is_opened_at_once():
+    camera, driver, clock = scripted(closed=6)
+    drain(camera, 20)
+    driver.changed(False)
+    faults, before = [], clock()
+    with pytest.raises(CameraFault) as caught:
+        camera.read()
+    assert caught.value.kind is FaultKind.REMOVED
+    while driver.closed > 1:
+        with pytest.raises((CameraFault, FrameTimeout)):
+            camera.read()
+    driver.closed, waited = 0, clock()
+    driver.changed(True)
+    drain(camera, 1, faults)
+    assert clock() - waited < 0.5  # and not the 16 s of its back-off
+    assert waited - before > 7.0
 
 
 def test_a_camera_that_never_comes_back_is_lost_after_its_budget():
