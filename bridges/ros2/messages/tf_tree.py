@@ -13,7 +13,6 @@ from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE
 
 FARTHEST_M, FARTHEST_POSE_M = 1000.0, 1e6  # of two frames of one robot; of a pose in the world
-FRAMES = 10_000  # a tree with more is none
 
 
 class TfTree:
@@ -26,14 +25,8 @@ class TfTree:
     def add(self, message: Any) -> None:
         """Adds a decoded `tf2_msgs/TFMessage`."""
         for step in message.transforms:
-            if len(self._parents) < FRAMES:
-                child, parent = step.child_frame_id.lstrip("/"), step.header.frame_id.lstrip("/")
-                self._parents.setdefault(child, (parent, step.transform))
-
-    @property
-    def full(self) -> bool:
-        """Whether the tree accepts no further frame."""
-        return len(self._parents) >= FRAMES
+            child, parent = step.child_frame_id.lstrip("/"), step.header.frame_id.lstrip("/")
+            self._parents.setdefault(child, (parent, step.transform))
 
     def pose(self, parent: str, child: str) -> tuple[Array, Array] | None:
         """Rotation (3, 3) and position (3,) of a frame in another one; None where the tree does not connect them.

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
-from itertools import islice
 from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import to_s
@@ -105,8 +104,6 @@ class RecordingCamera(Camera):
         except EdgemapError:
             self.close()
             raise
-        # Lens and mount were looked up in the same file: begin the pictures again behind the first complete one.
-        self._samples = islice(recording.samples(self.topic), self._tried, None)
 
     def read(self) -> Frame | None:
         """The next picture; None at the end. Raises CameraError for damage, and at the end of a file cut off."""
@@ -201,16 +198,13 @@ class RecordingCamera(Camera):
     def _first_complete(self) -> tuple[int, int, Any, str]:
         """The first picture that can be decoded; those before it are reported when the frames are read."""
         self._damaged: list[CameraFault] = []
-        self._tried = 0
         while True:
             try:
-                found = self._decode()
+                if (found := self._decode()) is not None:
+                    return found
+                break
             except CameraFault as fault:
                 self._damaged.append(fault)
-                continue
-            if found is None:
-                break
-            return found
         why = f", {len(self._damaged):,} damaged: {self._damaged[0]}" if self._damaged else ""
         raise CameraError(f"{self._path}: {self.topic} has no complete picture{why}")
 
@@ -223,9 +217,7 @@ class RecordingCamera(Camera):
         stamp_ns, own_ns, message, fault = found
         if fault or stamp_ns is None:
             self._held = None if stamp_ns is None else (stamp_ns, own_ns, message, "")
-            self._tried += stamp_ns is None
             raise CameraFault(FaultKind.CLOCK, f"{self.info.name}#{self._delivered}: {fault}")
-        self._tried += 1
         try:
             image = self._picture(message, f"{self.info.name} picture {self._delivered}", self._levels)
         except CameraError as error:

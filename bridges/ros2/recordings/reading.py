@@ -13,8 +13,6 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.frames.stamps import AGREEING, followed
 
-SECOND_NS = 1_000_000_000
-
 
 @dataclass(slots=True)
 class Topic:
@@ -73,7 +71,7 @@ class Reading:
         first fault says where log times are taken."""
         unstamped = "its headers have no stamps, the times of recording are taken"
         stamped = ((max(row[0], -1), row) for row in self._timed(topic))
-        for stamp_ns, (own_ns, _, message), fault in followed(stamped, SECOND_NS, lambda row: row[1]):
+        for stamp_ns, (own_ns, _, message), fault in followed(stamped, 10**9, lambda row: row[1]):
             if stamp_ns is not None and own_ns and not ns_of(message.header.stamp):
                 fault, unstamped = fault or unstamped, ""
             yield None if stamp_ns is None else int(stamp_ns), own_ns, message, fault
