@@ -3,7 +3,6 @@
 import os
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
@@ -64,8 +63,6 @@ def overview() -> str:
 
 def plugin_commands() -> dict[str, str]:
     """Commands of other packages (entry points `edgemap.commands`), each with its package; nothing is imported."""
-    if not _a_package_has_commands():
-        return {}
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.frames.plugins import package_of, plugins
 
@@ -75,18 +72,6 @@ def plugin_commands() -> dict[str, str]:
     except EdgemapError as error:
         return {"": str(error)}
     return {name: f"of the package {package_of(point)}" for name, point in found.items() if name not in taken}
-
-
-def _a_package_has_commands() -> bool:
-    """Whether the group stands in any package's metadata: reading all of it takes longer than the rest of `--help`."""
-    for folder in sys.path:
-        with suppress(OSError):
-            for name in os.listdir(folder or "."):  # noqa: PTH208
-                if name.endswith(".dist-info") and not name.startswith("edgemap_robot-"):
-                    with suppress(OSError), open(f"{folder or '.'}/{name}/entry_points.txt", "rb") as file:  # noqa: PTH123
-                        if GROUP.encode() in file.read():
-                            return True
-    return False
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -38,7 +38,7 @@ class PageServer:
         port: int,
         report: Callable[[str], None] = print_message,
     ) -> None:
-        self._socket, self._edits = _bind(host, port), page.edits
+        self._socket, self.page = _bind(host, port), page
         self._report = report
         address, self.port = self._socket.getsockname()[:2]
         self.token = "" if ipaddress.ip_address(address).is_loopback else secrets.token_urlsafe(16)
@@ -60,7 +60,7 @@ class PageServer:
 
     def close(self) -> None:
         """Refuses edits that still wait, closes the viewers' connections and releases the port; may be called twice."""
-        self._edits.end()  # a request that waits for one would be cut off with a traceback
+        self.page.edits.end()  # a request that waits for one would be cut off with a traceback
         self._server.should_exit = True
         self._thread.join(timeout=3.0)
         self._socket.close()
