@@ -4,7 +4,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, read_board
+from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, print_board_fit, read_board
 from edgemap.cli.options import Topics
 from edgemap.runtime.frames.errors import UsageError
 
@@ -56,7 +56,7 @@ def _by_board(
         lens = calibration.lens(source)
         fit = fit_mount(calibration.views(source, chessboard), chessboard, lens, thickness)
         prior = source.info.mount
-    print(f"{fit.views} views, {fit.rms_px:.3f} px off (root mean square), {fit.worst_view_px:.3f} px in the worst")
+    print_board_fit(fit.record())
     _print_result(fit.mount, *fit.sigma)
     return lens, (_with_lever_arm(fit.mount, prior), fit.record())
 

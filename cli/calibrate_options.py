@@ -125,3 +125,9 @@ def read_board(text: str, square_m: float = 1.0) -> "Board":
     if match is None:
         raise UsageError(f"--board {text!r}: expected COLSxROWS, like 9x6")
     return Board(int(match[1]), int(match[2]), square_m)
+
+
+def print_board_fit(record: dict[str, Any]) -> None:
+    """How well views of a board fit, by their entry of camera.yaml."""
+    rms_px, worst_px = record["rms_px"], record["worst_view_px"]
+    print(f"{record['views']} views, {rms_px:.3f} px off (root mean square), {worst_px:.3f} px in the worst")
