@@ -162,12 +162,12 @@ def test_a_recording_that_cannot_be_ended_leaves_the_map_and_names_its_folder(
     edgemap, painted_bundle, pictures, tmp_path, monkeypatch, capsys
 ):
     pytest.importorskip("mcap_ros2", reason="no mcap here (extra record)")
-    from edgemap.bridges.ros2.recordings.recorder import RecordingSink
+    from edgemap.bridges.ros2.recordings.recorder import Recorder
 
     def full(sink):
         raise DiskError("a.mcap: cannot be written (No space left on device)")
 
-    monkeypatch.setattr(RecordingSink, "close", full)
+    monkeypatch.setattr(Recorder, "close", full)
     out = tmp_path / "run"
     flags = ("--bundle", str(painted_bundle), "--record", str(tmp_path / "a.mcap"), "--out", str(out))
     with pytest.raises(SystemExit) as ended:
