@@ -22,7 +22,7 @@ from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 
 EVERY_PX = 8  # between the depths that are read
-WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation
+WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(1.0)  # one standard deviation
 # From picture to picture, of a camera that is mounted. The roll of a carried one has a scatter of 2.5 to 3.6 degrees on
 # the lounge, hololens and redkitchen walks, against 0.2 to 0.7 on tuning homes 9000-9005.
 MAXIMUM_SCATTER_M, MAXIMUM_SCATTER_RAD = 0.03, math.radians(1.5)

@@ -11,6 +11,7 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
 from edgemap.cli.options import at_least, sensor_topics
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.limits import SELDOM_S
 
 if TYPE_CHECKING:
     from edgemap.calibrate.board import Board, BoardView
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.frames.camera import Camera
 
-SEARCH_LINE_S = 10.0  # a line so often while pictures are searched for the board
 EDGES = 40  # pictures that edges are looked for in
 
 BoardText = Annotated[
@@ -63,7 +63,7 @@ class CalibrationOptions:
 
         def stopped() -> bool:
             nonlocal printed_s
-            if monotonic() - printed_s >= SEARCH_LINE_S:
+            if monotonic() - printed_s >= SELDOM_S:
                 printed_s = monotonic()
                 print_message(f"{len(views)} different views of the board so far; Ctrl-C ends the search")
             return stop.is_set()

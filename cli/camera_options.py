@@ -61,48 +61,40 @@ Rotate = Annotated[
 
 def read_mount_numbers(text: str | None) -> tuple[float, float | None] | None:
     """Height in metres and pitch in degrees of `--mount`, None for a pitch that is left out. Raises UsageError."""
+    from edgemap.geometry.camera.mount import Mount
+    from edgemap.geometry.errors import GeometryError
+
     if text is None:
         return None
+    height_m, *pitch = numbers(text, "--mount", "HEIGHT_M,PITCH_DEG" if "," in text else "HEIGHT_M")
     try:
-        height_m, pitch_deg = float(text), None
-    except ValueError:
-        if "," not in text:
-            raise UsageError(f"--mount {text!r}: expected HEIGHT_M or HEIGHT_M,PITCH_DEG (m, degrees)") from None
-        height_m, pitch_deg = numbers(text, "--mount", "HEIGHT_M,PITCH_DEG")
-    _checked_mount(text, height_m, pitch_deg or 0.0)
-    return height_m, pitch_deg
+        Mount.from_degrees(height_m, pitch[0] if pitch else 0.0)
+    except GeometryError as error:
+        raise UsageError(f"--mount {text!r}: {error}") from None
+    if not LOWEST_M <= height_m <= HIGHEST_M:
+        raise UsageError(
+            f"--mount {text!r}: a lens {height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m "
+            "(HEIGHT_M,PITCH_DEG: metres first)"
+        )
+    return height_m, pitch[0] if pitch else None
 
 
 def read_mount(text: str | None, prior: "Mount | None" = None) -> "Mount | None":
     """Applies `--mount HEIGHT_M[,PITCH_DEG]` to a prior mount: what it does not name stays. Raises UsageError."""
     from dataclasses import replace
+    from math import radians
+
+    from edgemap.geometry.camera.mount import Mount
 
     stated = read_mount_numbers(text)
-    if text is None or stated is None:
+    if stated is None:
         return prior
     height_m, pitch_deg = stated
     if pitch_deg is not None:
-        mount = _checked_mount(text, height_m, pitch_deg)
-        return mount if prior is None else replace(prior, height_m=height_m, pitch_rad=mount.pitch_rad)
+        return replace(prior or Mount(height_m), height_m=height_m, pitch_rad=radians(pitch_deg))
     if prior is None:
         raise UsageError(f"--mount {text!r}: the pitch is missing: pass HEIGHT_M,PITCH_DEG, or a camera file with it")
     return replace(prior, height_m=height_m)
-
-
-def _checked_mount(text: str, height_m: float, pitch_deg: float) -> "Mount":
-    from edgemap.geometry.camera.mount import Mount
-    from edgemap.geometry.errors import GeometryError
-
-    try:
-        mount = Mount.from_degrees(height_m, pitch_deg)
-    except GeometryError as error:
-        raise UsageError(f"--mount {text!r}: {error}") from None
-    if not LOWEST_M <= mount.height_m <= HIGHEST_M:
-        raise UsageError(
-            f"--mount {text!r}: a lens {mount.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m "
-            "(HEIGHT_M,PITCH_DEG: metres first)"
-        )
-    return mount
 
 
 def read_numbers_of_lens(text: str | None) -> list[float] | None:

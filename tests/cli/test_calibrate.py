@@ -100,7 +100,7 @@ def test_mount_of_a_drive_with_depth(edgemap, tmp_path):
 
 
 def test_a_long_search_for_the_board_prints_how_far_it_is(pictures, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("edgemap.cli.calibrate_options.SEARCH_LINE_S", 0.0)
+    monkeypatch.setattr("edgemap.cli.calibrate_options.SELDOM_S", 0.0)
     with pytest.raises(SystemExit):
         main(["calibrate", "intrinsics", "--camera", str(pictures), "-o", str(tmp_path / "new.yaml")])
     lines = capsys.readouterr().err.splitlines()

@@ -27,11 +27,11 @@ class TfListener:
         self._topics = [latched, node.subscription(TF, KINDS[TF], depth=100)]
         self._tree = TfTree(where)
 
-    def ask(self, question: Callable[[TfTree], Answer | None], wait_s: float = WAIT_S) -> Answer | None:
+    def ask(self, question: Callable[[TfTree], Answer | None]) -> Answer | None:
         """Waits for an answer from the tree; None where there is none in time. Raises CameraError for an invalid
         transform.
         """
-        until_s = time.monotonic() + wait_s
+        until_s = time.monotonic() + WAIT_S
         while True:
             for topic in self._topics:
                 for message in topic.take():

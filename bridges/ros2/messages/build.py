@@ -19,8 +19,6 @@ from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.slam import StepResult
 
-NOT_MOVED = 1e-9  # variance of what a floor-bound robot does not do: z, roll, pitch
-
 
 def header(stamp_ns: int, frame_id: str) -> Message:
     """`std_msgs/Header`."""
@@ -167,7 +165,7 @@ def _covariance(planar: NDArray[np.float64] | None) -> list[float]:
     """ROS's 6x6 over (x, y, z, roll, pitch, yaw), row by row; all zeros mean unknown."""
     if planar is None:
         return [0.0] * 36
-    full = np.eye(6) * NOT_MOVED
+    full = 1e-9 * np.eye(6)  # a robot on the floor does not move in z, roll and pitch
     full[np.ix_([0, 1, 5], [0, 1, 5])] = planar
     return full.ravel().tolist()
 

@@ -16,7 +16,7 @@ from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.outputs.map_formats.grid import FloorCells
 
 TALLEST_M, FLAT_M, LETTER_M = 2.5, 0.01, 0.15
-BEAM_RAD, NEAREST_M = math.radians(0.5), 0.05  # of the floor's scan
+BEAM_RAD = math.radians(0.5)  # of the floor's scan
 
 
 class Shape(IntEnum):
@@ -120,7 +120,7 @@ def scan_message(stamp_ns: int, scan: FloorScan, ids: FrameIds = IDS) -> Message
         "angle_min": first * BEAM_RAD,
         "angle_max": last * BEAM_RAD,
         "angle_increment": BEAM_RAD,
-        "range_min": NEAREST_M,
+        "range_min": 0.05,
         "range_max": scan.rule.reach_m + 1.0,  # from the base, the lens may be ahead of it
         "ranges": nearest.tolist(),
         "intensities": weights.tolist(),
