@@ -4,14 +4,12 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
 from edgemap.cli.options import at_least, sensor_topics
 from edgemap.runtime.frames.errors import UsageError
-from edgemap.runtime.frames.limits import SELDOM_S
 
 if TYPE_CHECKING:
     from edgemap.calibrate.board import Board, BoardView
@@ -53,23 +51,15 @@ class CalibrationOptions:
         return open_described(self.camera, self.camera_file, CameraOptions(topics=sensor_topics(topics)))
 
     def views(self, source: "Camera", board: "Board") -> "list[BoardView]":
-        """Different views of the board, printed one by one; Ctrl-C ends the search with the views so far."""
+        """Different views of the board, of a live camera printed one by one; Ctrl-C ends the search with those so
+        far."""
         from edgemap.calibrate.board import board_views
         from edgemap.cli.signals import stop_on_signals
-        from edgemap.runtime.frames.reading import print_message
 
         views: list[BoardView] = []
-        printed_s = monotonic()
-
-        def stopped() -> bool:
-            nonlocal printed_s
-            if monotonic() - printed_s >= SELDOM_S:
-                printed_s = monotonic()
-                print_message(f"{len(views)} different views of the board so far; Ctrl-C ends the search")
-            return stop.is_set()
-
+        print("searching for the board; Ctrl-C ends the search with the views so far", flush=True)
         with stop_on_signals() as stop:
-            for view in board_views(source, board, self.frames, stopped):
+            for view in board_views(source, board, self.frames, stop.is_set):
                 views.append(view)
                 if source.info.live:
                     print(f"view {len(views)} of the board; Ctrl-C when it has been everywhere", flush=True)
