@@ -53,18 +53,12 @@ class Reading:
 
     def _timed(self, topic: str) -> Iterator[tuple[int, int, Any]]:
         """As of `stamped`, with the log time in ns."""
-        decoded = ((log_ns, decode()) for log_ns, decode in self.messages(topic))
-        first: list[tuple[int, Any]] = []
-        failed: CameraError | None = None
-        try:
-            first += islice(decoded, AGREEING)
-        except CameraError as error:
-            failed = error
-        by_log = not any(ns_of(message.header.stamp) for _, message in first)
-        for log_ns, message in chain(first, decoded):
+        by_log = True
+        with suppress(CameraError):  # which is raised below, behind the messages before it
+            by_log = not any(ns_of(decode().header.stamp) for _, decode in islice(self.messages(topic), AGREEING))
+        for log_ns, decode in self.messages(topic):
+            message = decode()
             yield log_ns if by_log else ns_of(message.header.stamp), log_ns, message
-        if failed is not None:
-            raise failed
 
     def samples(self, topic: str) -> Iterator[tuple[int | None, int, Any, str]]:
         """(stamp in ns, header's stamp, message, fault) as `followed` has it; a zero stamp among others is dropped. The
