@@ -1,5 +1,6 @@
 """`edgemap pull`: known models and finished bundles, into the cache."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -60,13 +61,10 @@ def pull_known(name: str, given: str | None = None) -> Path:
         raise BundleError(f"{name!r} is neither a bundle's folder nor URL, nor a known model ({', '.join(KNOWN)})")
     folder = cache_folder() / "bundles" / name
     if given is None and folder.is_dir():
-        try:
+        with suppress(BundleError):  # damaged or of an older format: made again
             manifest = read_manifest(folder)
             for file in manifest.sha256:
                 verified_file(folder, manifest, file)
-        except BundleError:
-            pass  # damaged or of an older format: made again
-        else:
             return folder
     need("export", f"edgemap pull {name}")
     from edgemap.export.exporter import export_backbone

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from io import SEEK_END
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,8 @@ class McapReading(Reading):
 
         with self.path.open("rb") as stream:  # one for each topic: pictures and depth are read in turn
             reader = NonSeekingReader(stream, validate_crcs=True)
-            yield from self._to_the_cut(reader.iter_messages(topic, log_time_order=False))
+            every = self._to_the_cut(reader.iter_messages(topic, log_time_order=False))
+            yield from islice(every, self.topics[topic].count)  # the rest of a large file has none
 
     def _read_summary(self) -> bool:
         """Topics and their counts, metadata and attachments by the file's index. Returns whether it has one."""

@@ -50,8 +50,8 @@ class CameraKind(Protocol):
         ...
 
     def found(self) -> Sequence[tuple[str, str]]:
-        """(address, display name) of each connected camera, for `edgemap cameras`."""
-        ...
+        """(address, display name) of each connected camera, for `edgemap cameras`; here none is searched for."""
+        return ()
 
 
 class FileKind(CameraKind, Protocol):
