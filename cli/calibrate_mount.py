@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, print_board_fit, read_board
-from edgemap.cli.options import Topics
+from edgemap.cli.options import Topics, above_zero
 from edgemap.runtime.frames.errors import UsageError
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def command(
     lever arm (forward_m, left_m) stays as the camera file has it: measure it with a ruler from the turn axis.
     """
     calibration.check()
+    above_zero(height=height)
     if square is not None:
         lens, (mount, record) = _by_board(calibration, square, board, thickness)
     else:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import MountCalibrationOptions
+from edgemap.cli.options import above_zero
 from edgemap.runtime.frames.errors import UsageError
 
 
@@ -24,6 +25,7 @@ def command(
     from edgemap.geometry.camera.mount import Mount
 
     calibration.check()
+    above_zero(height=height)
     with calibration.open() as source:
         lens = calibration.lens(source)
         if height is None and source.info.mount is None:
