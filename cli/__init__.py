@@ -18,10 +18,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "export": ("export", "trained weights to a bundle that the robot loads (host, extra 'export')"),
     "train odometry": ("train_odometry", "drives with true poses to an odometry head (host, extra 'export')"),
     "train detector": ("train_detector", "labelled pictures to a small detector's weights (host, extra 'export')"),
-    "train floor": (
-        "train_floor",
-        "pictures with floor labels to a floor head (host, extra 'export')",
-    ),
+    "train floor": ("train_floor", "pictures with floor labels to a floor head (host, extra 'export')"),
     "eval detection": ("eval_detection", "average precision on labelled pictures"),
     "eval odometry": ("eval_odometry", "drift of the robot's own motion against true poses"),
     "eval floor": ("eval_floor", "overlap and contact error of the floor mask on labelled pictures"),
@@ -119,9 +116,7 @@ def _no_command(arguments: list[str]) -> NoReturn:
 
     typed = " ".join(arguments[: 2 if group else 1])
     known = [*COMMANDS, *BRIDGES, *({words.split()[0] for words in COMMANDS} - set(COMMANDS))]
-    close = get_close_matches(typed, list(group) or known, 1, 0.6) or get_close_matches(
-        " ".join(arguments[:2]), known, 1, 0.7
-    )
+    close = get_close_matches(typed, list(group) or known, 1, 0.6)
     hint = f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(sorted(group or COMMANDS))}"
     _end(f"edgemap: {typed!r} is not a command; {hint} (edgemap --help)", 2)
 

@@ -1,12 +1,14 @@
 """`edgemap calibrate mount`: height, pitch and roll, with a chessboard on the floor or without any pattern."""
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, print_board_fit, read_board
 from edgemap.cli.options import Topics, above_zero
-from edgemap.runtime.frames.errors import UsageError
+from edgemap.cli.signals import stop_on_signals
+from edgemap.runtime.frames.errors import CalibrationError, UsageError
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -67,7 +69,6 @@ def _by_room(
 ) -> "tuple[Intrinsics, Fit]":
     from edgemap.calibrate.board import frames_of
     from edgemap.calibrate.floor_depth import gravity
-    from edgemap.cli.signals import stop_on_signals
     from edgemap.geometry.camera.imu import ImuSamples
 
     with calibration.open(topics) as source, stop_on_signals() as stop:
@@ -97,15 +98,11 @@ def _by_edges(
     calibration: MountCalibrationOptions, lens: "Intrinsics", prior: "Mount | None", height: float | None,
     topics: str | None, up: Any,
 ) -> Fit:  # fmt: skip
-    from dataclasses import replace
-
     from edgemap.calibrate.board import frames_of
     from edgemap.calibrate.wheel_height import fit_wheel_height
-    from edgemap.cli.signals import stop_on_signals
     from edgemap.geometry.camera.inertial import OFFSET_RAD
     from edgemap.geometry.camera.level import pitch_roll
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.runtime.frames.errors import CalibrationError
     from edgemap.runtime.frames.trajectory import TrackFile
 
     try:
@@ -138,8 +135,6 @@ def _by_edges(
 
 
 def _with_lever_arm(mount: "Mount", prior: "Mount | None") -> "Mount":
-    from dataclasses import replace
-
     return (
         mount
         if prior is None
@@ -158,7 +153,6 @@ def _compare_gravity(mount: "Mount", up: Any) -> None:
     """What the accelerometer says beside the result. Raises CalibrationError where no offset explains it."""
     from edgemap.geometry.camera.inertial import OFFSET_RAD
     from edgemap.geometry.camera.level import pitch_roll
-    from edgemap.runtime.frames.errors import CalibrationError
 
     if up is None:
         return

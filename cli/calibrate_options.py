@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
 from edgemap.cli.options import at_least, sensor_topics
+from edgemap.cli.signals import stop_on_signals
 from edgemap.runtime.frames.errors import UsageError
 
 if TYPE_CHECKING:
@@ -54,7 +55,6 @@ class CalibrationOptions:
         """Different views of the board, of a live camera printed one by one; Ctrl-C ends the search with those so
         far."""
         from edgemap.calibrate.board import board_views
-        from edgemap.cli.signals import stop_on_signals
 
         views: list[BoardView] = []
         print("searching for the board; Ctrl-C ends the search with the views so far", flush=True)
@@ -93,7 +93,6 @@ class MountCalibrationOptions(CalibrationOptions):
         CalibrationError."""
         from edgemap.calibrate.board import frames_of
         from edgemap.calibrate.tilt import fit_tilt
-        from edgemap.cli.signals import stop_on_signals
         from edgemap.runtime.motion.attitude.segments import find_segments
 
         count = min(self.frames or source.info.frame_count or 10 * EDGES, source.info.frame_count or 10 * EDGES)

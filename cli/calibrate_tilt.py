@@ -1,6 +1,7 @@
 """`edgemap calibrate tilt`: pitch and roll from the straight edges of a room, without any pattern."""
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 from edgemap.cli.arguments import arg
@@ -20,8 +21,6 @@ def command(
     Uses up to 40 pictures spread over the source; drive or turn the robot so that it sees several walls. Height cannot
     be seen and stays as given. The lens must be known.
     """
-    from dataclasses import replace
-
     from edgemap.geometry.camera.mount import Mount
 
     calibration.check()

@@ -1,13 +1,17 @@
 """Options that name a camera, its lens and its mount, and how their text is read. No heavy imports here."""
 
+from dataclasses import replace
 from functools import cache
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
-from edgemap.runtime.frames.errors import UsageError
+from edgemap.geometry.errors import GeometryError
+from edgemap.runtime.frames.errors import CameraError, UsageError
 from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 from edgemap.runtime.frames.option_texts import numbers
+from edgemap.runtime.frames.reading import print_message
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -62,7 +66,6 @@ Rotate = Annotated[
 def read_mount_numbers(text: str | None) -> tuple[float, float | None] | None:
     """Height in metres and pitch in degrees of `--mount`, None for a pitch that is left out. Raises UsageError."""
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.geometry.errors import GeometryError
 
     if text is None:
         return None
@@ -81,9 +84,6 @@ def read_mount_numbers(text: str | None) -> tuple[float, float | None] | None:
 
 def read_mount(text: str | None, prior: "Mount | None" = None) -> "Mount | None":
     """Applies `--mount HEIGHT_M[,PITCH_DEG]` to a prior mount: what it does not name stays. Raises UsageError."""
-    from dataclasses import replace
-    from math import radians
-
     from edgemap.geometry.camera.mount import Mount
 
     stated = read_mount_numbers(text)
@@ -104,7 +104,6 @@ def read_numbers_of_lens(text: str | None) -> list[float] | None:
 
 def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | None":
     """`--intrinsics FX,FY,CX,CY` of pictures of this size."""
-    from edgemap.runtime.frames.errors import CameraError
     from edgemap.runtime.frames.program_camera import as_intrinsics
 
     values = read_numbers_of_lens(text)
@@ -121,8 +120,6 @@ def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | 
 @cache
 def _warn(text: str) -> None:
     """Prints a line once: a command reads its options more than once."""
-    from edgemap.runtime.frames.reading import print_message
-
     print_message(text)
 
 
@@ -136,8 +133,6 @@ HOW_TO_MEASURE = (
 def open_described(spec: str, camera_file: Path | None, how: "CameraOptions | None" = None) -> "Camera":
     """Opens a camera, with the sensors on ROS 2 topics that are asked for. The lens and mount of a camera file override
     the source's own, and a webcam is asked for the lens's size."""
-    from dataclasses import replace
-
     from edgemap.bridges.ros2.cameras import add_sensors
     from edgemap.runtime.frames.camera import CameraOptions
     from edgemap.runtime.inputs.cameras.kinds import file_kind

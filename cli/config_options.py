@@ -7,7 +7,7 @@ from dataclasses import is_dataclass
 from typing import Any, get_type_hints
 
 from edgemap.runtime.frames.errors import UsageError
-from edgemap.runtime.frames.reading import without_secrets
+from edgemap.runtime.frames.reading import print_message, user_path, without_secrets
 
 OWN = ("config", "config-options")
 VALUE_MAY_LACK = object()  # default of an option such as --view: true in a file is the option alone
@@ -27,7 +27,6 @@ def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
         if "--config-options" in argv:
             raise UsageError("--config-options: whose? Give the file, or a run's folder, with --config FILE")
         return argv
-    from edgemap.runtime.frames.reading import print_message, user_path
     from edgemap.runtime.step.config import load_options
 
     options = load_options(user_path(path))

@@ -8,6 +8,9 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.export.sources import KNOWN
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.frames.extras import need
+from edgemap.runtime.frames.reading import print_message, user_path
 
 
 def command(
@@ -29,7 +32,6 @@ def command(
 
     Upstream is tried first, then mirrors; every file's SHA-256 is checked before anything reads it.
     """
-    from edgemap.runtime.frames.reading import print_message, user_path
     from edgemap.runtime.network.download import is_url
     from edgemap.runtime.network.store import install_folder, install_url
 
@@ -52,8 +54,6 @@ def pull_known(name: str, given: str | None = None) -> Path:
     given: a file or URL instead of the listed sources. Raises BundleError for an unknown name, MissingExtraError,
     DownloadError or ExportError.
     """
-    from edgemap.runtime.frames.errors import BundleError
-    from edgemap.runtime.frames.extras import need
     from edgemap.runtime.network.manifest_file import read_manifest, verified_file
     from edgemap.runtime.network.store import cache_folder, shipped_folder
 
