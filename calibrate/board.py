@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import cv2
@@ -100,12 +101,8 @@ def board_views(
 
 def frames_of(camera: Camera, pictures: int | None, stopped: Callable[[], bool] = lambda: False) -> Iterator[Frame]:
     """A camera's frames, up to a number or until stopped."""
-    while (pictures is None or pictures > 0) and not stopped():
-        frame = next_frame(camera, lambda _: None, stopped)
-        if frame is None:
-            return
-        yield frame
-        pictures = None if pictures is None else pictures - 1
+    frames = iter(lambda: None if stopped() else next_frame(camera, lambda _: None, stopped), None)
+    return islice(frames, pictures)
 
 
 def _is_new(corners: Array, known: Array, width: int) -> bool:

@@ -27,7 +27,6 @@ from edgemap.runtime.motion.health import HealthRule, Views
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.decode import Decoder, Detector
 
-REACH = 400  # first pictures of a file, among which `PICTURES` or more are used
 LIVE_S = 8.0  # of a live camera
 DEPTHS = 15  # live pictures with depth are enough
 
@@ -98,7 +97,8 @@ def guessing_frames(source: Camera, again: Callable[[], Camera]) -> list[Frame]:
         with again() as opened:
             yield from (frame for frame in frames_of(opened, count) if frame.index % every == 0)
 
-    count = min(source.info.frame_count or REACH, REACH)
+    reach = 10 * PICTURES  # first pictures of a file, among which `PICTURES` or more are used
+    count = min(source.info.frame_count or reach, reach)
     every = max(1, count // PICTURES)
     frames = list(sampled(every))
     if every > 1 and len(frames) < PICTURES // 2:  # a short file that does not say its length

@@ -95,23 +95,22 @@ def guess_camera(
             f"{100 * floor_share:.0f} % of the picture lies below the horizon (pitch {math.degrees(pitch):.1f} deg up "
             f"to {math.degrees(pitch_sigma):.1f}): no floor is seen; tilt the camera down, or pass --mount"
         )
-    if height_m is not None:
-        how = (focal_how, "as given", pitch_how)
-        return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, 0.0, pitch_sigma, how, sway_rad)
-    if sway_rad:  # the tilt of single pictures is too uncertain for sizes
-        how = (focal_how, "as a person carries it", pitch_how)
-        mount = Mount(CARRIED_HEIGHT_M, pitch, roll)
-        return CameraGuess(lens, mount, focal_sigma, CARRIED_SIGMA, pitch_sigma, how, sway_rad)
-    height_m, height_sigma, count = height_by_sizes(boxes, lens, tilted, pitch_sigma, (USUAL_HEIGHT_M, HEIGHT_SIGMA))
-    if not LOWEST_M <= height_m <= HIGHEST_M:
-        raise CalibrationError(
-            f"{count} objects of usual sizes put the lens {height_m:.2f} m above the floor, expected {LOWEST_M:g} to "
-            f"{HIGHEST_M:g} m: pass --mount HEIGHT_M,PITCH_DEG"
-        )
-    height_sigma = round(height_sigma, 3)  # as files store it, so that a replay weights the guess alike
-    how = f"{count} objects of usual sizes" if count else "usual for a robot; no object of a known size was seen"
-    how = (focal_how, how, pitch_how)
-    return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, height_sigma, pitch_sigma, how)
+    height_sigma, height_how = 0.0, "as given"
+    if height_m is None and sway_rad:  # the tilt of single pictures is too uncertain for sizes
+        height_m, height_sigma, height_how = CARRIED_HEIGHT_M, CARRIED_SIGMA, "as a person carries it"
+    elif height_m is None:
+        usual = USUAL_HEIGHT_M, HEIGHT_SIGMA
+        height_m, height_sigma, count = height_by_sizes(boxes, lens, tilted, pitch_sigma, usual)
+        if not LOWEST_M <= height_m <= HIGHEST_M:
+            raise CalibrationError(
+                f"{count} objects of usual sizes put the lens {height_m:.2f} m above the floor, expected {LOWEST_M:g} "
+                f"to {HIGHEST_M:g} m: pass --mount HEIGHT_M,PITCH_DEG"
+            )
+        height_sigma = round(height_sigma, 3)  # as files store it, so that a replay weights the guess alike
+        height_how = f"{count} objects of usual sizes"
+        height_how = height_how if count else "usual for a robot; no object of a known size was seen"
+    how = (focal_how, height_how, pitch_how)
+    return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, height_sigma, pitch_sigma, how, sway_rad)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.camera.room_edges import SIGMA_RAD, level_axes, room_axes
-from edgemap.runtime.motion.attitude.segments import longest, segments_between
+from edgemap.geometry.camera.room_edges import SIGMA_RAD, RoomAxes, level_axes, room_axes
+from edgemap.runtime.motion.attitude.segments import Segments, longest, segments_between
 
 # Of the picture's longer side: webcams, phones that film and the colour cameras of depth cameras have 0.65 to 1.
 USUAL_FOCAL, FOCAL_SIGMA = 0.8, 0.22
@@ -84,8 +84,7 @@ def _explained(lines: Array, lens: Intrinsics) -> float:
 
     Per edge: under a short focal length all edges are longer, so a sum would always prefer it.
     """
-    edges = segments_between(lines, lens)
-    room = room_axes(edges.normals, edges.lengths, np.array([0.0, -1.0, 0.0]), STEEPEST_RAD) if len(edges) else None
+    edges, room = _room(lines, lens)
     if room is None or room.level_rad is None:
         return math.nan
     right, away = level_axes(room.up)
@@ -99,10 +98,13 @@ def _explained(lines: Array, lens: Intrinsics) -> float:
 
 def ups_by_edges(ends: list[Array], lens: Intrinsics) -> list[Array]:
     """Up directions in the optical frame, (3,) each, of the pictures whose edges show the room."""
-    level, ups = np.array([0.0, -1.0, 0.0]), []
-    for lines in ends:
-        edges = segments_between(lines, lens)
-        room = room_axes(edges.normals, edges.lengths, level, STEEPEST_RAD) if len(edges) else None
-        if room is not None:
-            ups.append(room.up)
-    return ups
+    rooms = (_room(lines, lens)[1] for lines in ends)
+    return [room.up for room in rooms if room is not None]
+
+
+def _room(lines: Array, lens: Intrinsics) -> tuple[Segments, RoomAxes | None]:
+    """A picture's edges, and the room's axes that they show, near to the picture's own up."""
+    edges = segments_between(lines, lens)
+    if not len(edges):
+        return edges, None
+    return edges, room_axes(edges.normals, edges.lengths, np.array([0.0, -1.0, 0.0]), STEEPEST_RAD)

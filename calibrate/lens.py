@@ -1,12 +1,13 @@
 """Intrinsics from views of a chessboard, and whether the views determine them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
 import numpy as np
 
 from edgemap.calibrate.board import Board, BoardView
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.runtime.frames.errors import CalibrationError
 
@@ -18,24 +19,25 @@ LEANING_DEG, FEWEST_LEANING = 12.0, 4  # boards all square to the lens fit any f
 OUTLIER = 3.0  # times the median view's error
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class LensFit:
-    """The fitted intrinsics. rms_px: over all corners. sigma: one standard deviation of fx, fy, cx, cy, px."""
+    """The fitted intrinsics. rms_px: over all corners. sigma_px: one standard deviation of fx, fy, cx, cy. view_px,
+    lean_deg: error and leaning of each board. dropped: names of views that were left out."""
 
     intrinsics: Intrinsics
     rms_px: float
-    worst_view_px: float
-    sigma_px: tuple[float, float, float, float]
-    views: int
-    dropped: tuple[str, ...]
+    sigma_px: tuple[float, ...]
+    view_px: Array
+    lean_deg: Array
+    dropped: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """For camera.yaml's `calibration`."""
         return {
             "method": "chessboard",
-            "views": self.views,
+            "views": len(self.view_px),
             "rms_px": round(self.rms_px, 4),
-            "worst_view_px": round(self.worst_view_px, 4),
+            "worst_view_px": round(float(self.view_px.max()), 4),
             "sigma_fx_fy_cx_cy_px": [round(value, 3) for value in self.sigma_px],
         }
 
@@ -48,64 +50,48 @@ def fit_lens(views: list[BoardView], board: Board, size: tuple[int, int]) -> Len
     picture, do not fit, or leave the focal length open (boards that never lean).
     """
     _check_views(views, size)
-    errors, dropped = _calibrate(views, board, size).view_errors_px, ()
-    bad = errors > max(OUTLIER * float(np.median(errors)), 0.2)
+    fit = _calibrated(views, board, size)
+    bad = fit.view_px > max(OUTLIER * float(np.median(fit.view_px)), 0.2)
     if bad.any():
         dropped = tuple(view.name for view, is_bad in zip(views, bad, strict=True) if is_bad)
         views = [view for view, is_bad in zip(views, bad, strict=True) if not is_bad]
         _check_views(views, size)
-    result = _calibrate(views, board, size)
-    if result.rms_px > WORST_RMS_PX:
+        fit = replace(_calibrated(views, board, size), dropped=dropped)
+    if fit.rms_px > WORST_RMS_PX:
         raise CalibrationError(
-            f"the boards fit a lens to {result.rms_px:.2f} px, expected at most {WORST_RMS_PX} px: blur, a board that "
+            f"the boards fit a lens to {fit.rms_px:.2f} px, expected at most {WORST_RMS_PX} px: blur, a board that "
             "is not flat, or a lens that is not Brown-Conrady's"
         )
-    leaning = int((result.lean_deg >= LEANING_DEG).sum())
+    leaning = int((fit.lean_deg >= LEANING_DEG).sum())
     if leaning < FEWEST_LEANING:
         raise CalibrationError(
             f"{leaning} of {len(views)} boards lean by {LEANING_DEG:g} degrees or more, need {FEWEST_LEANING}: without "
             "them the focal length is open; lean the board by 30 degrees to all sides"
         )
-    fx, fy = result.matrix[0, 0], result.matrix[1, 1]
-    share = max(result.sigma_px[0] / fx, result.sigma_px[1] / fy)
+    share = max(fit.sigma_px[0] / fit.intrinsics.fx, fit.sigma_px[1] / fit.intrinsics.fy)
     if not share <= WORST_FOCAL_SHARE:
         raise CalibrationError(
             f"focal length known to {100 * share:.1f} % only, expected {100 * WORST_FOCAL_SHARE:g} %: more views that "
             "fill the picture"
         )
-    lens = Intrinsics(
-        *size, float(fx), float(fy), float(result.matrix[0, 2]), float(result.matrix[1, 2]),
-        Distortion("brown_conrady", (*result.distortion[:4].tolist(), 0.0)),
-    )  # fmt: skip
-    worst = float(result.view_errors_px.max())
-    return LensFit(lens, result.rms_px, worst, result.sigma_px, len(views), dropped)
+    return fit
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Result:
-    rms_px: float
-    matrix: Any
-    distortion: Any
-    sigma_px: tuple[float, float, float, float]
-    view_errors_px: Any
-    lean_deg: Any
-
-
-def _calibrate(views: list[BoardView], board: Board, size: tuple[int, int]) -> _Result:
+def _calibrated(views: list[BoardView], board: Board, size: tuple[int, int]) -> LensFit:
     flat = np.column_stack([board.points_m(), np.zeros(board.columns * board.rows)]).astype(np.float32)
     corners = [view.corners_px.astype(np.float32).reshape(-1, 1, 2) for view in views]
     extended: Any = cv2.calibrateCameraExtended
     try:
-        rms, matrix, distortion, rotation_vectors, _, sigma, _, errors = extended(
+        rms, k, distortion, rotation_vectors, _, sigma, _, errors = extended(
             [flat.reshape(-1, 1, 3)] * len(views), corners, size, None, None, flags=cv2.CALIB_FIX_K3
         )
     except cv2.error as error:
         raise CalibrationError(f"no lens fits the {len(views)} boards ({error.err})") from None
-    fx, fy, cx, cy = np.asarray(sigma).ravel()[:4].tolist()
     facing = [abs(float(np.asarray(cv2.Rodrigues(rotation_vector)[0])[2, 2])) for rotation_vector in rotation_vectors]
     lean_deg = np.degrees(np.arccos(np.clip(facing, 0.0, 1.0)))
-    errors = np.asarray(errors).ravel()
-    return _Result(float(rms), matrix, np.asarray(distortion).ravel(), (fx, fy, cx, cy), errors, lean_deg)
+    bend = Distortion("brown_conrady", (*distortion.ravel()[:4].tolist(), 0.0))
+    lens = Intrinsics(*size, float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]), bend)
+    return LensFit(lens, float(rms), tuple(sigma.ravel()[:4].tolist()), errors.ravel(), lean_deg)
 
 
 def _check_views(views: list[BoardView], size: tuple[int, int]) -> None:

@@ -7,9 +7,7 @@ from pathlib import Path
 from edgemap.runtime.frames.reading import library_path
 
 PICTURE_KINDS = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
-FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 VIDEO_KEYS = ("com.apple.quicktime.camera.focal_length.35mm_equivalent",)
-LEAST_MM, MOST_MM = 8.0, 400.0
 
 
 def stated_focal_px(path: Path, width: int, height: int) -> tuple[float, str] | None:
@@ -25,9 +23,9 @@ def stated_focal_px(path: Path, width: int, height: int) -> tuple[float, str] | 
         film_mm, source = _of_picture(path), "EXIF"
     elif path.is_file() and find_spec("av"):
         film_mm, source = _of_video(path), "the video's metadata"
-    if film_mm is None or not LEAST_MM <= film_mm <= MOST_MM:
+    if film_mm is None or not 8.0 <= film_mm <= 400.0:  # a lens that there is; 0: unknown
         return None
-    return film_mm / FILM_DIAGONAL_MM * math.hypot(width, height), source
+    return film_mm / math.hypot(36.0, 24.0) * math.hypot(width, height), source
 
 
 def _of_picture(path: Path) -> float | None:

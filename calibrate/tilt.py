@@ -15,7 +15,7 @@ from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.motion.attitude.segments import Segments
 
 STEEPEST_RAD, REACH_RAD = math.radians(50.0), math.radians(12.0)  # search for up: first, then refined
-ROUNDS, GROUPS = 4, 10  # rounds of refinement; groups of pictures for the jackknife
+ROUNDS = 4  # of refinement
 FEWEST_EDGES = 20  # vertical, and level
 MINIMUM_SHARE = 0.35  # minimum share of the edges' total length that the three directions explain
 WORST_TILT_RAD = math.radians(1.0)  # one standard deviation, and of single pictures in the median
@@ -23,7 +23,7 @@ WORST_TILT_RAD = math.radians(1.0)  # one standard deviation, and of single pict
 
 @dataclass(frozen=True, slots=True)
 class TiltFit:
-    """The fitted tilt. sigma: standard deviations of pitch_rad and roll_rad, rad, from a jackknife over groups of
+    """The fitted tilt. sigma: standard deviations of pitch_rad and roll_rad, rad, from a jackknife over the
     pictures."""
 
     pitch_rad: float
@@ -85,10 +85,9 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
             f"the camera's tilt changes by {math.degrees(nodding_rad):.1f} deg (median) from picture to picture, at "
             f"most {math.degrees(WORST_TILT_RAD):g} allowed: pictures must come from the robot on a flat floor"
         )
-    groups = min(len(used), GROUPS)
-    left_out = [[edges for at, edges in enumerate(used) if at % groups != group] for group in range(groups)]
-    angles = [pitch_roll(_refined(rest, up, 1)) for rest in left_out]  # edges of one picture have correlated errors
-    pitch_sigma, roll_sigma = np.sqrt((groups - 1) * np.var(np.array(angles), axis=0)).tolist()
+    # Each picture left out in turn: the edges of one have correlated errors.
+    angles = [pitch_roll(_refined(used[:at] + used[at + 1 :], up, 1)) for at in range(len(used))]
+    pitch_sigma, roll_sigma = np.sqrt((len(used) - 1) * np.var(np.array(angles), axis=0)).tolist()
     if not max(pitch_sigma, roll_sigma) <= WORST_TILT_RAD:
         raise CalibrationError(
             f"pitch known to {math.degrees(pitch_sigma):.1f} deg and roll to {math.degrees(roll_sigma):.1f} deg only, "

@@ -3,7 +3,6 @@
 import os
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
@@ -19,10 +18,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "export": ("export", "trained weights to a bundle that the robot loads (host, extra 'export')"),
     "train odometry": ("train_odometry", "drives with true poses to an odometry head (host, extra 'export')"),
     "train detector": ("train_detector", "labelled pictures to a small detector's weights (host, extra 'export')"),
-    "train floor": (
-        "train_floor",
-        "pictures with floor labels to a floor head (host, extra 'export')",
-    ),
+    "train floor": ("train_floor", "pictures with floor labels to a floor head (host, extra 'export')"),
     "eval detection": ("eval_detection", "average precision on labelled pictures"),
     "eval odometry": ("eval_odometry", "drift of the robot's own motion against true poses"),
     "eval floor": ("eval_floor", "overlap and contact error of the floor mask on labelled pictures"),
@@ -64,8 +60,6 @@ def overview() -> str:
 
 def plugin_commands() -> dict[str, str]:
     """Commands of other packages (entry points `edgemap.commands`), each with its package; nothing is imported."""
-    if not _a_package_has_commands():
-        return {}
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.frames.plugins import package_of, plugins
 
@@ -75,18 +69,6 @@ def plugin_commands() -> dict[str, str]:
     except EdgemapError as error:
         return {"": str(error)}
     return {name: f"of the package {package_of(point)}" for name, point in found.items() if name not in taken}
-
-
-def _a_package_has_commands() -> bool:
-    """Whether the group stands in any package's metadata: reading all of it takes longer than the rest of `--help`."""
-    for folder in sys.path:
-        with suppress(OSError):
-            for name in os.listdir(folder or "."):  # noqa: PTH208
-                if name.endswith(".dist-info") and not name.startswith("edgemap_robot-"):
-                    with suppress(OSError), open(f"{folder or '.'}/{name}/entry_points.txt", "rb") as file:  # noqa: PTH123
-                        if GROUP.encode() in file.read():
-                            return True
-    return False
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -134,9 +116,7 @@ def _no_command(arguments: list[str]) -> NoReturn:
 
     typed = " ".join(arguments[: 2 if group else 1])
     known = [*COMMANDS, *BRIDGES, *({words.split()[0] for words in COMMANDS} - set(COMMANDS))]
-    close = get_close_matches(typed, list(group) or known, 1, 0.6) or get_close_matches(
-        " ".join(arguments[:2]), known, 1, 0.7
-    )
+    close = get_close_matches(typed, list(group) or known, 1, 0.6)
     hint = f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(sorted(group or COMMANDS))}"
     _end(f"edgemap: {typed!r} is not a command; {hint} (edgemap --help)", 2)
 

@@ -7,6 +7,8 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.groups import Source
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Json, above_zero, print_json
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import print_message
 
 
 def command(
@@ -45,7 +47,6 @@ def command(
     from edgemap.benchmarks import bench
     from edgemap.benchmarks.bench import StandingCamera, floor_head_ms, measure_at_rest
     from edgemap.runtime.frames.camera import Camera, next_frame
-    from edgemap.runtime.frames.errors import CameraError
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.network.engines import processor_name
     from edgemap.runtime.step.slam import SemanticSlam, build_slam
@@ -119,7 +120,6 @@ def command(
         document["at_rest"] = measure_at_rest(lambda: open_drive(at_rest=True), seconds, rate[0])
     if plot is not None:
         from edgemap.plots.charts import plot_bench
-        from edgemap.runtime.frames.reading import print_message
 
         print_message(f"see it:  {plot_bench(plot / 'bench.png', document)}")
     if json:

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.calibrate_options import BoardText, CalibrationOptions, read_board
+from edgemap.cli.calibrate_options import BoardText, CalibrationOptions, print_board_fit, read_board
 
 
 def command(calibration: Annotated[CalibrationOptions, arg(name="Camera")], board: BoardText = "9x6") -> None:
@@ -22,14 +22,12 @@ def command(calibration: Annotated[CalibrationOptions, arg(name="Camera")], boar
     mount = read_camera_yaml(known).mount if known else None
     with open_camera(calibration.camera) as source:
         fit = fit_lens(calibration.views(source, chessboard), chessboard, source.info.size)
-    lens, sigma = fit.intrinsics, fit.sigma_px
-    print(f"{fit.views} views, {fit.rms_px:.3f} px off (root mean square), {fit.worst_view_px:.3f} px in the worst")
+    lens, record = fit.intrinsics, fit.record()
+    print_board_fit(record)
     for name in fit.dropped:
         print(f"left out, it fits badly: {name}")
-    for name, value, sigma_px in zip(
-        ("fx", "fy", "cx", "cy"), (lens.fx, lens.fy, lens.cx, lens.cy), sigma, strict=True
-    ):
-        print(f"  {name} {value:8.2f} +- {sigma_px:.2f} px")
+    for name, sigma_px in zip(("fx", "fy", "cx", "cy"), fit.sigma_px, strict=True):
+        print(f"  {name} {getattr(lens, name):8.2f} +- {sigma_px:.2f} px")
     k1, k2, p1, p2, _ = lens.distortion.coefficients
     print(f"  k1 {k1:.5f}  k2 {k2:.5f}  p1 {p1:.5f}  p2 {p2:.5f}  (k3 held at 0)")
-    calibration.write(lens, mount, "intrinsics", fit.record())
+    calibration.write(lens, mount, "intrinsics", record)

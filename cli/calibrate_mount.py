@@ -1,12 +1,14 @@
 """`edgemap calibrate mount`: height, pitch and roll, with a chessboard on the floor or without any pattern."""
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, read_board
-from edgemap.cli.options import Topics
-from edgemap.runtime.frames.errors import UsageError
+from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, print_board_fit, read_board
+from edgemap.cli.options import Topics, above_zero
+from edgemap.cli.signals import stop_on_signals
+from edgemap.runtime.frames.errors import CalibrationError, UsageError
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -39,6 +41,7 @@ def command(
     lever arm (forward_m, left_m) stays as the camera file has it: measure it with a ruler from the turn axis.
     """
     calibration.check()
+    above_zero(height=height)
     if square is not None:
         lens, (mount, record) = _by_board(calibration, square, board, thickness)
     else:
@@ -56,7 +59,7 @@ def _by_board(
         lens = calibration.lens(source)
         fit = fit_mount(calibration.views(source, chessboard), chessboard, lens, thickness)
         prior = source.info.mount
-    print(f"{fit.views} views, {fit.rms_px:.3f} px off (root mean square), {fit.worst_view_px:.3f} px in the worst")
+    print_board_fit(fit.record())
     _print_result(fit.mount, *fit.sigma)
     return lens, (_with_lever_arm(fit.mount, prior), fit.record())
 
@@ -66,7 +69,6 @@ def _by_room(
 ) -> "tuple[Intrinsics, Fit]":
     from edgemap.calibrate.board import frames_of
     from edgemap.calibrate.floor_depth import gravity
-    from edgemap.cli.signals import stop_on_signals
     from edgemap.geometry.camera.imu import ImuSamples
 
     with calibration.open(topics) as source, stop_on_signals() as stop:
@@ -96,15 +98,11 @@ def _by_edges(
     calibration: MountCalibrationOptions, lens: "Intrinsics", prior: "Mount | None", height: float | None,
     topics: str | None, up: Any,
 ) -> Fit:  # fmt: skip
-    from dataclasses import replace
-
     from edgemap.calibrate.board import frames_of
     from edgemap.calibrate.wheel_height import fit_wheel_height
-    from edgemap.cli.signals import stop_on_signals
     from edgemap.geometry.camera.inertial import OFFSET_RAD
     from edgemap.geometry.camera.level import pitch_roll
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.runtime.frames.errors import CalibrationError
 
     try:
         with calibration.open() as source:
@@ -134,8 +132,6 @@ def _by_edges(
 
 
 def _with_lever_arm(mount: "Mount", prior: "Mount | None") -> "Mount":
-    from dataclasses import replace
-
     return (
         mount
         if prior is None
@@ -154,7 +150,6 @@ def _compare_gravity(mount: "Mount", up: Any) -> None:
     """What the accelerometer says beside the result. Raises CalibrationError where no offset explains it."""
     from edgemap.geometry.camera.inertial import OFFSET_RAD
     from edgemap.geometry.camera.level import pitch_roll
-    from edgemap.runtime.frames.errors import CalibrationError
 
     if up is None:
         return

@@ -4,12 +4,12 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
 from edgemap.cli.options import at_least, sensor_topics
+from edgemap.cli.signals import stop_on_signals
 from edgemap.runtime.frames.errors import UsageError
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.frames.camera import Camera
 
-SEARCH_LINE_S = 10.0  # a line so often while pictures are searched for the board
 EDGES = 40  # pictures that edges are looked for in
 
 BoardText = Annotated[
@@ -53,23 +52,14 @@ class CalibrationOptions:
         return open_described(self.camera, self.camera_file, CameraOptions(topics=sensor_topics(topics)))
 
     def views(self, source: "Camera", board: "Board") -> "list[BoardView]":
-        """Different views of the board, printed one by one; Ctrl-C ends the search with the views so far."""
+        """Different views of the board, of a live camera printed one by one; Ctrl-C ends the search with those so
+        far."""
         from edgemap.calibrate.board import board_views
-        from edgemap.cli.signals import stop_on_signals
-        from edgemap.runtime.frames.reading import print_message
 
         views: list[BoardView] = []
-        printed_s = monotonic()
-
-        def stopped() -> bool:
-            nonlocal printed_s
-            if monotonic() - printed_s >= SEARCH_LINE_S:
-                printed_s = monotonic()
-                print_message(f"{len(views)} different views of the board so far; Ctrl-C ends the search")
-            return stop.is_set()
-
+        print("searching for the board; Ctrl-C ends the search with the views so far", flush=True)
         with stop_on_signals() as stop:
-            for view in board_views(source, board, self.frames, stopped):
+            for view in board_views(source, board, self.frames, stop.is_set):
                 views.append(view)
                 if source.info.live:
                     print(f"view {len(views)} of the board; Ctrl-C when it has been everywhere", flush=True)
@@ -103,7 +93,6 @@ class MountCalibrationOptions(CalibrationOptions):
         CalibrationError."""
         from edgemap.calibrate.board import frames_of
         from edgemap.calibrate.tilt import fit_tilt
-        from edgemap.cli.signals import stop_on_signals
         from edgemap.runtime.motion.attitude.segments import find_segments
 
         count = min(self.frames or source.info.frame_count or 10 * EDGES, source.info.frame_count or 10 * EDGES)
@@ -125,3 +114,9 @@ def read_board(text: str, square_m: float = 1.0) -> "Board":
     if match is None:
         raise UsageError(f"--board {text!r}: expected COLSxROWS, like 9x6")
     return Board(int(match[1]), int(match[2]), square_m)
+
+
+def print_board_fit(record: dict[str, Any]) -> None:
+    """How well views of a board fit, by their entry of camera.yaml."""
+    rms_px, worst_px = record["rms_px"], record["worst_view_px"]
+    print(f"{record['views']} views, {rms_px:.3f} px off (root mean square), {worst_px:.3f} px in the worst")

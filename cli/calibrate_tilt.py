@@ -1,10 +1,12 @@
 """`edgemap calibrate tilt`: pitch and roll from the straight edges of a room, without any pattern."""
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import MountCalibrationOptions
+from edgemap.cli.options import above_zero
 from edgemap.runtime.frames.errors import UsageError
 
 
@@ -19,11 +21,10 @@ def command(
     Uses up to 40 pictures spread over the source; drive or turn the robot so that it sees several walls. Height cannot
     be seen and stays as given. The lens must be known.
     """
-    from dataclasses import replace
-
     from edgemap.geometry.camera.mount import Mount
 
     calibration.check()
+    above_zero(height=height)
     with calibration.open() as source:
         lens = calibration.lens(source)
         if height is None and source.info.mount is None:

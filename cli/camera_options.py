@@ -1,13 +1,17 @@
 """Options that name a camera, its lens and its mount, and how their text is read. No heavy imports here."""
 
+from dataclasses import replace
 from functools import cache
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
-from edgemap.runtime.frames.errors import UsageError
+from edgemap.geometry.errors import GeometryError
+from edgemap.runtime.frames.errors import CameraError, UsageError
 from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 from edgemap.runtime.frames.option_texts import numbers
+from edgemap.runtime.frames.reading import print_message
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -61,48 +65,36 @@ Rotate = Annotated[
 
 def read_mount_numbers(text: str | None) -> tuple[float, float | None] | None:
     """Height in metres and pitch in degrees of `--mount`, None for a pitch that is left out. Raises UsageError."""
+    from edgemap.geometry.camera.mount import Mount
+
     if text is None:
         return None
+    height_m, *pitch = numbers(text, "--mount", "HEIGHT_M,PITCH_DEG" if "," in text else "HEIGHT_M")
     try:
-        height_m, pitch_deg = float(text), None
-    except ValueError:
-        if "," not in text:
-            raise UsageError(f"--mount {text!r}: expected HEIGHT_M or HEIGHT_M,PITCH_DEG (m, degrees)") from None
-        height_m, pitch_deg = numbers(text, "--mount", "HEIGHT_M,PITCH_DEG")
-    _checked_mount(text, height_m, pitch_deg or 0.0)
-    return height_m, pitch_deg
+        Mount.from_degrees(height_m, pitch[0] if pitch else 0.0)
+    except GeometryError as error:
+        raise UsageError(f"--mount {text!r}: {error}") from None
+    if not LOWEST_M <= height_m <= HIGHEST_M:
+        raise UsageError(
+            f"--mount {text!r}: a lens {height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m "
+            "(HEIGHT_M,PITCH_DEG: metres first)"
+        )
+    return height_m, pitch[0] if pitch else None
 
 
 def read_mount(text: str | None, prior: "Mount | None" = None) -> "Mount | None":
     """Applies `--mount HEIGHT_M[,PITCH_DEG]` to a prior mount: what it does not name stays. Raises UsageError."""
-    from dataclasses import replace
+    from edgemap.geometry.camera.mount import Mount
 
     stated = read_mount_numbers(text)
-    if text is None or stated is None:
+    if stated is None:
         return prior
     height_m, pitch_deg = stated
     if pitch_deg is not None:
-        mount = _checked_mount(text, height_m, pitch_deg)
-        return mount if prior is None else replace(prior, height_m=height_m, pitch_rad=mount.pitch_rad)
+        return replace(prior or Mount(height_m), height_m=height_m, pitch_rad=radians(pitch_deg))
     if prior is None:
         raise UsageError(f"--mount {text!r}: the pitch is missing: pass HEIGHT_M,PITCH_DEG, or a camera file with it")
     return replace(prior, height_m=height_m)
-
-
-def _checked_mount(text: str, height_m: float, pitch_deg: float) -> "Mount":
-    from edgemap.geometry.camera.mount import Mount
-    from edgemap.geometry.errors import GeometryError
-
-    try:
-        mount = Mount.from_degrees(height_m, pitch_deg)
-    except GeometryError as error:
-        raise UsageError(f"--mount {text!r}: {error}") from None
-    if not LOWEST_M <= mount.height_m <= HIGHEST_M:
-        raise UsageError(
-            f"--mount {text!r}: a lens {mount.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m "
-            "(HEIGHT_M,PITCH_DEG: metres first)"
-        )
-    return mount
 
 
 def read_numbers_of_lens(text: str | None) -> list[float] | None:
@@ -112,7 +104,6 @@ def read_numbers_of_lens(text: str | None) -> list[float] | None:
 
 def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | None":
     """`--intrinsics FX,FY,CX,CY` of pictures of this size."""
-    from edgemap.runtime.frames.errors import CameraError
     from edgemap.runtime.frames.program_camera import as_intrinsics
 
     values = read_numbers_of_lens(text)
@@ -129,8 +120,6 @@ def read_intrinsics(text: str | None, width: int, height: int) -> "Intrinsics | 
 @cache
 def _warn(text: str) -> None:
     """Prints a line once: a command reads its options more than once."""
-    from edgemap.runtime.frames.reading import print_message
-
     print_message(text)
 
 
@@ -144,8 +133,6 @@ HOW_TO_MEASURE = (
 def open_described(spec: str, camera_file: Path | None, how: "CameraOptions | None" = None) -> "Camera":
     """Opens a camera, with the sensors on ROS 2 topics that are asked for. The lens and mount of a camera file override
     the source's own, and a webcam is asked for the lens's size."""
-    from dataclasses import replace
-
     from edgemap.bridges.ros2.cameras import add_sensors
     from edgemap.runtime.frames.camera import CameraOptions
     from edgemap.runtime.inputs.cameras.kinds import file_kind

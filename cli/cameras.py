@@ -1,5 +1,6 @@
 """`edgemap cameras`: which cameras are here, and what to type for each."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from edgemap.cli.options import Json, print_json
@@ -14,8 +15,6 @@ def command(json: Json = False) -> None:
 
     cameras, notes = connected_cameras()
     if json:
-        from dataclasses import asdict
-
         found = [asdict(camera) | {"command": command_line(camera)} for camera in cameras]
         print_json({"cameras": found, "notes": notes})
         return

@@ -1,12 +1,13 @@
 """`--config FILE --config-options`: the options of a file as flags of `edgemap run`, each printed, and only then."""
 
 import inspect
+from argparse import ArgumentParser
 from collections.abc import Callable
 from dataclasses import is_dataclass
 from typing import Any, get_type_hints
 
 from edgemap.runtime.frames.errors import UsageError
-from edgemap.runtime.frames.reading import without_secrets
+from edgemap.runtime.frames.reading import print_message, user_path, without_secrets
 
 OWN = ("config", "config-options")
 VALUE_MAY_LACK = object()  # default of an option such as --view: true in a file is the option alone
@@ -19,12 +20,13 @@ def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
     flags they are. Raises UsageError for an option that the command does not have and for `--config-options` alone,
     ConfigError for the file.
     """
-    path = _value_of("--config", argv)
+    parser = ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--config", nargs="?")
+    path = parser.parse_known_args(argv)[0].config
     if path is None:
         if "--config-options" in argv:
             raise UsageError("--config-options: whose? Give the file, or a run's folder, with --config FILE")
         return argv
-    from edgemap.runtime.frames.reading import print_message, user_path
     from edgemap.runtime.step.config import load_options
 
     options = load_options(user_path(path))
@@ -84,12 +86,3 @@ def _words(flag: str, value: Any, default: Any, where: str) -> list[str]:
     if not isinstance(value, str | int | float) or not str(value).isprintable():
         raise UsageError(f"{where} is not one printable value")
     return [f"--{flag}", str(value)]
-
-
-def _value_of(option: str, argv: list[str]) -> str | None:
-    for at, word in enumerate(argv):
-        if word.startswith(f"{option}="):
-            return word.partition("=")[2]
-        if word == option:
-            return argv[at + 1] if at + 1 < len(argv) else None
-    return None

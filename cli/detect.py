@@ -10,6 +10,9 @@ from edgemap.cli.camera_options import read_intrinsics, read_mount
 from edgemap.cli.groups import Optics
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Confidence, Json, minimum_score, print_json
+from edgemap.runtime.frames.disk import make_folder, write_atomically
+from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.reading import one_line
 
 if TYPE_CHECKING:
     import numpy as np
@@ -45,7 +48,6 @@ def command(
     --intrinsics or a camera file a lens of 60 degrees across is assumed, and the output states it.
     """
     from edgemap.geometry.observations.sighting import FloorRule, sightings_of
-    from edgemap.runtime.frames.errors import UsageError
     from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
     from edgemap.runtime.network.decode import Decoder, Detector
     from edgemap.runtime.network.preprocess import floor_mask
@@ -93,7 +95,6 @@ def _plot(
         from edgemap.plots.frame import plot_frame
 
         return plot_frame(path, picture, detections, sightings, camera)
-    from edgemap.runtime.frames.disk import make_folder, write_atomically
     from edgemap.runtime.frames.frame import png
     from edgemap.runtime.step.overlay import draw_detections
 
@@ -148,15 +149,11 @@ def _floor_camera(width: int, height: int, optics: Optics) -> "tuple[FloorCamera
         focal = width / 2.0 * 3.0**0.5
         lens = Intrinsics(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
     if (lens.width, lens.height) != (width, height):
-        from edgemap.runtime.frames.errors import UsageError
-
         raise UsageError(f"the picture is {width}x{height} px, the camera file says {lens.width}x{lens.height}")
     return FloorCamera(lens, camera_mount), guessed
 
 
 def _print_result(document: dict) -> None:
-    from edgemap.runtime.frames.reading import one_line
-
     print(f"{one_line(document['image'])}: {len(document['detections'])} objects")
     if document.get("lens_guessed"):
         print("  (lens unknown: 60 degrees across assumed, distances are rough; pass --intrinsics)")

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from math import degrees
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,7 +12,9 @@ from edgemap.cli.groups import Source
 from edgemap.cli.guessed_camera import what_is_given
 from edgemap.cli.options import BundleName, Json, print_json
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.errors import CameraFault
 from edgemap.runtime.frames.extras import EXTRAS, install_hint, pip
+from edgemap.runtime.frames.reading import library_path, without_secrets
 
 WAIT_S = 20.0  # for the first frame of a camera
 TAPE = (
@@ -30,8 +33,6 @@ class Diagnosis:
     remedy: str = ""
 
     def __post_init__(self) -> None:
-        from edgemap.runtime.frames.reading import without_secrets
-
         for name in ("text", "remedy"):
             object.__setattr__(self, name, without_secrets(getattr(self, name)))
 
@@ -54,8 +55,6 @@ def command(
     """
     findings = list(_examine(camera, bundle, plot))
     if json:
-        from dataclasses import asdict
-
         print_json([asdict(finding) for finding in findings])
     else:
         signs = {"ok": "ok     ", "missing": "missing", "broken": "BROKEN "}
@@ -179,14 +178,12 @@ def _bundle(name: str | None, camera: str) -> Diagnosis:
 
 
 def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
-    from math import degrees
     from time import monotonic
 
     from edgemap.runtime.frames.camera import next_frame
-    from edgemap.runtime.frames.errors import CameraFault
 
     faults: list[CameraFault] = []
-    spec = described.camera
+    spec, topic = described.camera, "camera"
     try:
         with described.open() as source:
             until_s = monotonic() + WAIT_S
@@ -201,17 +198,14 @@ def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
             yield Diagnosis("camera", "ok", f"{spec}: {width}x{height}, {rate}")
             for found in (*source.info.notes, *map(str, source.info.faults)):
                 yield Diagnosis("camera", "ok", found)
+            topic = "mount"
             if lacking := what_is_given(described, source)[3]:
                 text = f"{spec} does not say its {lacking}: run guesses from the pictures"
                 yield Diagnosis("mount", "missing", text, TAPE)
                 return
-            try:
-                floor = described.floor_camera(source)
-            except EdgemapError as error:
-                yield Diagnosis("mount", "broken", str(error))
-                return
+            floor = described.floor_camera(source)
     except EdgemapError as error:
-        yield Diagnosis("camera", "broken", str(error))
+        yield Diagnosis(topic, "broken", str(error))
         return
     placed, row = floor.mount, floor.horizon_row()
     nearest = floor.floor_points([(floor.intrinsics.cx, floor.intrinsics.height - 1.0)])[0, 0]
@@ -225,7 +219,6 @@ def _camera(described: Source, plot: Path | None) -> Iterator[Diagnosis]:
     if plot:
         import cv2
 
-        from edgemap.runtime.frames.reading import library_path
         from edgemap.runtime.step.overlay import draw_floor_grid
 
         written = cv2.imwrite(library_path(plot), draw_floor_grid(frame.image, floor))

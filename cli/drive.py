@@ -1,19 +1,17 @@
 """One run of the command: the step, its sinks, and what is printed."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack
 from datetime import UTC, datetime
 from math import degrees
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.cli.named_maps import PlaceFinder, find_place
 from edgemap.cli.options import minimum_score
-from edgemap.cli.progress import progress
-from edgemap.cli.publishers import WatchGroup
+from edgemap.cli.progress import Progress
 from edgemap.cli.run_options import RunOptions
 from edgemap.cli.run_record import run_record, scale_source
 from edgemap.cli.service import ServiceNotifier
@@ -35,96 +33,18 @@ from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.edit_queue import Edits, load_edits, read_edits
 from edgemap.runtime.step.loop import steps
-from edgemap.runtime.step.map_store import MapPlace
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.sinks import Sink
 from edgemap.view.about import about_run
+from edgemap.view.pause import PausableCamera
 from edgemap.view.report.crops import BestCrops
 from edgemap.view.report.sink import ReportFile
 
 if TYPE_CHECKING:
-    from edgemap.view.page import LivePage
+    from edgemap.view.server import PageServer
 
 LOOK_EVERY_S = 0.1
 WITHOUT = ",without-pictures"
-
-
-class OpenPage:
-    """A run's page and its server. A file source is paced by its stamps and can be paused; a live camera runs on."""
-
-    def __init__(self, page: "LivePage", url: str) -> None:
-        self.page, self._url = page, url
-
-    def camera(self, source: Camera, stop: Event) -> Camera:
-        """The camera that the run reads from."""
-        from edgemap.view.pause import PausableCamera
-
-        pause = self.page.pause
-        self.page.camera_hz = lambda: source.info.rate_hz
-        return source if pause is None else PausableCamera(PacedCamera(source, pause.running_s), pause, stop.is_set)
-
-    def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
-        """Keeps serving after the end of a run, until Ctrl-C. meanwhile: called repeatedly."""
-        if stop.is_set():
-            return
-        print(f"the page stays at {self._url}  (Ctrl-C ends it)", flush=True)
-        with stop_on_signals() as enough:
-            while not enough.is_set():
-                meanwhile()
-                time.sleep(LOOK_EVERY_S)
-
-
-@contextmanager
-def live_page(
-    options: WatchGroup,
-    source: Camera,
-    about: dict[str, Any],
-    folder: Path,
-    crops: BestCrops,
-    edits: Edits,
-    keep_mount: Callable[[float, float], Path],
-    searching: Callable[[], bool] = bool,
-) -> Iterator[OpenPage | None]:
-    """The page of a run while the block lasts, None without `--view`. about: of `about_run`.
-
-    Raises MissingExtraError, or ViewError where the address is taken.
-    """
-    if options.view is None:
-        yield None
-        return
-    from edgemap.view.page import LivePage
-    from edgemap.view.pause import Pause
-    from edgemap.view.server import PageServer
-
-    address, alone = options.view.removesuffix(WITHOUT), options.view.endswith(WITHOUT)
-    pause = None if source.info.live else Pause()
-    page = LivePage(about, folder, pause, lambda: source.state, crops, edits, not alone)
-    page.searching, page.keep_mount = searching, keep_mount
-    server = PageServer(page, *host_and_port(address or "127.0.0.1", "--view", 8090))
-    try:
-        print(f"live page:  {server.url}", flush=True)
-        yield OpenPage(page, server.url)
-    finally:
-        server.close()
-
-
-@contextmanager
-def living_map(
-    place: MapPlace | None, mapper: Mapper, verdict: Callable[[], Verdict], finder: PlaceFinder | None = None
-) -> Iterator[Sequence[LivingMap]]:
-    """The sink that saves a map that lives back, while the block lasts. finder: of the place of `--map auto`. Raises
-    DiskError or RunFolderError."""
-    if finder is not None:
-        sink = LivingMap(lambda: finder.path, bool, verdict)
-    elif place is not None and place.lives:
-        sink = LivingMap(place.path, lambda: mapper.searching, verdict)
-    else:
-        yield []
-        return
-    try:
-        yield [sink]
-    finally:
-        sink.release()
 
 
 def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
@@ -187,17 +107,44 @@ class Run:
 
     def drive(self) -> None:
         """Drive until the source ends, `--frames` is reached or a signal arrives; then print the result."""
-        options = self.options
         edits = self._edits()
-        with (
-            stop_on_signals() as stop,  # from here on there is something to save
-            living_map(self.place, self.slam.mapper, self._verdict, self.finder) as kept,
-            live_page(
-                options.watch, self.source, self.about, self.folder, self.crops, edits, self.kept_camera.set_mount,
-                lambda: self.slam.mapper.searching,
-            ) as page,
-        ):  # fmt: skip
-            self._drive_with(page, stop, edits, kept)
+        with ExitStack() as held:
+            stop = held.enter_context(stop_on_signals())  # from here on there is something to save
+            if (kept := self._living_map()) is not None:
+                held.callback(kept.release)
+            if (server := self._page_server(edits)) is not None:
+                held.callback(server.close)
+            self._drive_with(server, stop, edits, kept)
+
+    def _living_map(self) -> LivingMap | None:
+        """The sink that saves a map that lives back. Raises DiskError or RunFolderError."""
+        finder, place = self.finder, self.place
+        if finder is not None:
+            return LivingMap(lambda: finder.path, bool, self._verdict)
+        if place is not None and place.lives:
+            return LivingMap(place.path, lambda: self.slam.mapper.searching, self._verdict)
+        return None
+
+    def _page_server(self, edits: Edits) -> "PageServer | None":
+        """The server of the run's page; None without `--view`. A file source can be paused; a live camera runs on.
+
+        Raises MissingExtraError, or ViewError where the address is taken.
+        """
+        view, source = self.options.watch.view, self.source
+        if view is None:
+            return None
+        from edgemap.view.page import LivePage
+        from edgemap.view.pause import Pause
+        from edgemap.view.server import PageServer
+
+        pause, pictures = None if source.info.live else Pause(), not view.endswith(WITHOUT)
+        page = LivePage(self.about, self.folder, pause, lambda: source.state, self.crops, edits, pictures)
+        page.searching, page.keep_mount = lambda: self.slam.mapper.searching, self.kept_camera.set_mount
+        page.verdict = lambda: self.files.verdict if self.files else None
+        page.camera_hz = lambda: source.info.rate_hz
+        server = PageServer(page, *host_and_port(view.removesuffix(WITHOUT) or "127.0.0.1", "--view", 8090))
+        print(f"live page:  {server.url}", flush=True)
+        return server
 
     def _verdict(self) -> Verdict:
         """How far the map can be trusted."""
@@ -208,11 +155,11 @@ class Run:
         found = load_edits(given) if given else read_edits(self.source.info.edits, f"{spec}: edits")
         return Edits(self.folder / "edits.jsonl", found)
 
-    def _drive_with(self, page: OpenPage | None, stop: Event, edits: Edits, kept: Sequence[LivingMap]) -> None:
+    def _drive_with(self, server: "PageServer | None", stop: Event, edits: Edits, kept: LivingMap | None) -> None:
         camera, saved = self.options.camera, self.options.map.saved
         notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources, self.carried)
         source = SearchRate(self.source, camera.rate) if camera.rate else self.source
-        publishers = self._publishers(edits)
+        publishers, page = self._publishers(edits), server.page if server else None
         files = self.files = RunFolder(self.folder, self.floor, self.record)
         if self.loaded.manifest.detector.reading is not None:  # how the detector's file was read
             write_manifest(self.folder, self.loaded.manifest)
@@ -222,16 +169,16 @@ class Run:
         )
         report = ReportFile(self.folder, self.about, None if saved else self.source.info.truth, judge, self.crops)
         if page is not None:
-            page.page.goals += [send for one in publishers if (send := getattr(one, "send_goal", None))]
-            page.page.verdict = lambda: files.verdict
-        edits.listeners += [files.edited, report.edited, *(one.edited for one in kept)]
+            page.goals += [send for one in publishers if (send := getattr(one, "send_goal", None))]
+            if page.pause is not None:
+                source = PausableCamera(PacedCamera(source, page.pause.running_s), page.pause, stop.is_set)
+        living, pages = [] if kept is None else [kept], [] if page is None else [page]
+        edits.listeners += [files.edited, report.edited, *(one.edited for one in living)]
 
         # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
-        shown = progress(self._frames)
-        sinks: list[Sink] = [shown, summary, *publishers, *kept, *([page.page] if page else []), files, report]
+        sinks: list[Sink] = [Progress(self._frames), summary, *publishers, *living, *pages, files, report]
         try:
             with with_map_so_far(summary, files):
-                source = page.camera(source, stop) if page else source
                 results = steps(source, self.slam, sinks, camera.frames, stop, self.strict, notifier.beat, edits)
                 done = sum(1 for _ in results)
         finally:
@@ -239,15 +186,19 @@ class Run:
         summary.print(self.folder, done, stop.is_set(), files.verdict, report.evaluation_rows)
         if line := where_it_was(self.slam.mapper, saved):
             print(line)
-        for line in (one.beside for one in kept if one.beside):
-            print(line)
+        if kept is not None and kept.beside:
+            print(kept.beside)
         if result := summary.result:
             alone = not scale_source(files.document)
             if line := self.kept_camera.at_end(result.observed, summary.height, summary.rolling, alone):
                 print(line)
         print(report.failure or f"see it:  {report.path}")
-        if page is not None:
-            page.stay(stop, lambda: edits.apply(self.slam.mapper, done))
+        if server is not None and not stop.is_set():
+            print(f"the page stays at {server.url}  (Ctrl-C ends it)", flush=True)
+            with stop_on_signals() as enough:
+                while not enough.is_set():
+                    edits.apply(self.slam.mapper, done)
+                    time.sleep(LOOK_EVERY_S)
         edits.close(self.slam.mapper)
 
     def _publishers(self, edits: Edits) -> list[Sink]:

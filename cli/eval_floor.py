@@ -6,6 +6,7 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Json, at_least, figure, print_json
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.reading import user_path
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,7 +36,6 @@ def command(
     from tqdm import tqdm
 
     from edgemap.evaluation.floor import FloorScore
-    from edgemap.runtime.frames.reading import user_path
     from edgemap.runtime.inputs.drives.pictures import read_picture
     from edgemap.runtime.inputs.drives.truth import floor_pairs, read_floor_labels
     from edgemap.runtime.network.decode import Detector

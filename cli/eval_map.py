@@ -1,6 +1,8 @@
 """`edgemap eval map`: how true the map is, with true poses and with estimated ones."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from math import degrees
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,6 +10,7 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.groups import MappingOptions, MotionOptions
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import ConfigFile, Json, WithoutDepth, at_least, figure, print_json
+from edgemap.runtime.frames.errors import CameraError
 
 
 def command(
@@ -48,9 +51,7 @@ def command(
     footprints that overlap by an IoU of 0.25, mean IoU of objects found, and the median error of the yaw of couches,
     beds, tables and refrigerators.
     """
-    from dataclasses import replace
     from itertools import pairwise
-    from math import degrees
 
     from edgemap.benchmarks.map_variants import replayed, room_figures, true_floor, true_objects
     from edgemap.cli.simulated import as_data
@@ -58,7 +59,6 @@ def command(
     from edgemap.evaluation.grid import score_grid
     from edgemap.evaluation.map_alignment import aligned_figures
     from edgemap.evaluation.objects import score_map, scored
-    from edgemap.runtime.frames.errors import CameraError
     from edgemap.runtime.inputs.drives import open_drive
     from edgemap.runtime.step.config import Config, load_config
     from edgemap.runtime.step.slam import SlamOptions

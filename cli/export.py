@@ -7,6 +7,7 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.extras import need
 
 if TYPE_CHECKING:
     from edgemap.runtime.network.manifest import Manifest
@@ -72,8 +73,6 @@ def command(
     Random pictures and random states run through the source and through onnxruntime, a chain of steps; the largest
     difference goes into bundle.json. A bundle that fails is not left behind.
     """
-    from edgemap.runtime.frames.extras import need
-
     need("export", "edgemap export")
     from edgemap.export.detector.network import is_detector
     from edgemap.export.exporter import export_backbone

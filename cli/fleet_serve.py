@@ -7,7 +7,10 @@ from typing import Annotated
 import tyro
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.signals import stop_on_signals
+from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.extras import need
 
 
 def command(
@@ -30,9 +33,6 @@ def command(
     """
     from edgemap.bridges.fleet.keeper import PlaceKeeper
     from edgemap.bridges.fleet.network import place_and_address, zenoh_address
-    from edgemap.cli.signals import stop_on_signals
-    from edgemap.geometry.errors import EdgemapError
-    from edgemap.runtime.frames.extras import need
 
     need("fleet", "edgemap fleet serve")  # before the folder is made
     if not 0.1 <= every <= 3600.0:

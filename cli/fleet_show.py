@@ -8,6 +8,9 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.options import Json
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.reading import printable
 
 
 def command(
@@ -19,9 +22,6 @@ def command(
     """Ask who keeps the map of a place for it: which robots are in it, where they are, which stay apart and why."""
     from edgemap.bridges.fleet.network import ROOT, checked_name, open_session, place_and_address
     from edgemap.cli.fleet_serve import state_line
-    from edgemap.runtime.frames.disk import write_atomically
-    from edgemap.runtime.frames.errors import PublishError
-    from edgemap.runtime.frames.reading import printable
     from edgemap.runtime.step.grid_file import grid_name, read_grid, save_grid
     from edgemap.runtime.step.map_file import read_map
 

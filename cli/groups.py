@@ -2,7 +2,7 @@
 options name. No heavy imports here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
@@ -18,6 +18,7 @@ from edgemap.cli.camera_options import (
     read_numbers_of_lens,
 )
 from edgemap.cli.options import Confidence, WithoutImu, in_unit
+from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import UsageError
 
 if TYPE_CHECKING:
@@ -43,7 +44,6 @@ class Optics:
     def floor_camera(self, source: "Camera") -> "FloorCamera":
         """Intrinsics and mount: flags before the camera file, that before the source's own. Raises UsageError."""
         from edgemap.geometry.camera.floor import FloorCamera
-        from edgemap.geometry.errors import GeometryError
 
         lens, mount = lens_and_mount(source, self.intrinsics, self.mount)
         try:
@@ -67,8 +67,6 @@ class Source(Optics, _Spec):
 
     def open(self, how: "CameraOptions | None" = None) -> "Camera":
         """The camera, described by the camera file where there is one."""
-        from dataclasses import replace
-
         from edgemap.runtime.frames.camera import CameraOptions
 
         return open_described(self.camera, self.camera_file, replace(how or CameraOptions(), rotate=self.rotate))

@@ -1,5 +1,6 @@
 """`edgemap map approach`: where a robot goes to reach an object of a map."""
 
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,8 +8,9 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.options import Json
-from edgemap.runtime.frames.errors import UsageError
-from edgemap.runtime.frames.option_texts import numbers
+from edgemap.runtime.frames.errors import Ros2Error, UsageError
+from edgemap.runtime.frames.option_texts import known_names, numbers
+from edgemap.runtime.step.map_store import saved_map
 
 if TYPE_CHECKING:
     from edgemap.geometry.map_object import MapObject
@@ -39,13 +41,11 @@ def command(
     where a person has set the way the object faces. Map frame: x forward, y left, metres; yaw counter-clockwise.
     """
     from json import dumps
-    from math import degrees
 
     from edgemap.geometry.objects.approach import ApproachRule, approach, room_pose
     from edgemap.geometry.objects.rooms import room_called, rooms_of, title_of
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import goal_record, load_annotated_map, pose_record
-    from edgemap.runtime.step.map_store import saved_map
 
     for name, value in (("standoff", standoff), ("robot-radius", robot_radius)):
         if not 0.0 < value <= 10.0:
@@ -75,7 +75,6 @@ def command(
 def _chosen(objects: "list[MapObject]", wanted: str | None, label: str | None, near_m: list[float]) -> "MapObject":
     """The object that is meant. Raises UsageError."""
     from edgemap.geometry.objects.queries import nearest
-    from edgemap.runtime.frames.option_texts import known_names
 
     if (wanted is None) == (label is None):
         raise UsageError("give the object's ID, or --label L for the nearest of a class")
@@ -99,7 +98,6 @@ def publish_goal(pose: "SE2") -> None:
     from edgemap.bridges.ros2.dds.node import shared_node
     from edgemap.bridges.ros2.messages import topics
     from edgemap.bridges.ros2.messages.build import goal_pose
-    from edgemap.runtime.frames.errors import Ros2Error
 
     limit_s = 5.0
     publisher = shared_node().publisher(topics.GOAL, topics.KINDS[topics.GOAL])

@@ -8,7 +8,9 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.options import above_zero
+from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.step.map_store import saved_map
 
 NAMES = {
     "geojson": "map.geojson", "nav2": "map.yaml", "nav2-vector": "vector_objects.yaml", "csv": "map.csv",
@@ -63,11 +65,9 @@ def command(
     unknown. All coordinates are metres in the map frame: x forward, y left at the start.
     """
     from edgemap.geometry.objects.rooms import rooms_of
-    from edgemap.runtime.frames.disk import write_atomically
     from edgemap.runtime.frames.trajectory import trajectory_of
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map
-    from edgemap.runtime.step.map_store import saved_map
 
     above_zero(resolution=resolution, **{"robot-width": robot_width})
     map = saved_map(map)
@@ -152,8 +152,6 @@ def _percentages(text: str | None) -> dict[str, int]:
 
 def _target(source: Path, kind: str, out: Path | None) -> Path:
     """The file to write; its folder is made. A path without an ending is a folder."""
-    from edgemap.runtime.frames.disk import make_folder
-
     folder = source if source.is_dir() else source.parent
     path = out or folder
     if path.is_dir() or not path.suffix:

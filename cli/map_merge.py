@@ -1,12 +1,15 @@
 """`edgemap map merge`: several maps of one place become one."""
 
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from edgemap.cli.arguments import arg
+from edgemap.runtime.frames.disk import make_folder
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.step.map_store import saved_map
 
 if TYPE_CHECKING:
     from edgemap.geometry.registration.alignment import Alignment
@@ -29,10 +32,8 @@ def command(
     """
     from edgemap.geometry.objects.merge import merge_all
     from edgemap.geometry.registration.alignment import AlignmentError
-    from edgemap.runtime.frames.disk import make_folder
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map, save_map
-    from edgemap.runtime.step.map_store import saved_map
 
     if len(maps) < 2:
         raise UsageError(f"{len(maps)} map given: merging needs two or more")
@@ -52,8 +53,6 @@ def command(
 
 def alignment_text(alignment: "Alignment") -> str:
     """An alignment in one line."""
-    from math import degrees
-
     pose = alignment.pose_a_b
     rival = f"next best {alignment.rival}" if alignment.rival else "no other fits"
     return (

@@ -7,8 +7,10 @@ from typing import Annotated, Any
 import tyro
 
 from edgemap.cli.arguments import arg
-from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.disk import make_folder, write_atomically
+from edgemap.runtime.frames.errors import RunFolderError, UsageError
 from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
+from edgemap.runtime.step.map_store import saved_map
 
 LARGEST = 3.0  # factor, and its inverse; beyond them a length was probably mistyped
 
@@ -33,11 +35,9 @@ def command(
     (run --mount HEIGHT_M) gives a better map.
     """
     from edgemap.geometry.objects.scale import scaled_map
-    from edgemap.runtime.frames.disk import make_folder, write_atomically
     from edgemap.runtime.frames.trajectory import trajectory_of, tum_line
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map, save_map
-    from edgemap.runtime.step.map_store import saved_map
 
     if (height is None) == (between is None):
         raise UsageError("give one length: --height HEIGHT_M or --between ID,ID,M")
@@ -61,7 +61,6 @@ def command(
 def _by_height(path: Path, height_m: float) -> float:
     """Measured height over that of the run. Raises UsageError where the height is not the scale of the run."""
     from edgemap.cli.run_record import scale_source
-    from edgemap.runtime.frames.errors import RunFolderError
     from edgemap.runtime.outputs.verdict.verdict import read_record
 
     run = path / "run.json" if path.is_dir() else path.with_name("run.json")

@@ -1,6 +1,6 @@
 """`edgemap map show`: look at a map."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,8 +8,10 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.options import Json, last_run, print_json
-from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.errors import OdometryError, UsageError
 from edgemap.runtime.frames.option_texts import known_names, numbers
+from edgemap.runtime.frames.reading import print_message, printable
+from edgemap.runtime.step.map_store import saved_map
 
 if TYPE_CHECKING:
     from edgemap.geometry.grid.rooms import Door, Room
@@ -53,7 +55,6 @@ def command(
     from edgemap.runtime.outputs.map_formats.drawing import DrawnMap
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map
-    from edgemap.runtime.step.map_store import saved_map
 
     maps = maps or (last_run(),)
     if len(maps) > 1 and (out is not None or json):
@@ -143,8 +144,6 @@ def _print_lines(answers: Answers) -> None:
 
 
 def _print_rooms(areas: Areas) -> None:
-    from edgemap.runtime.frames.reading import printable
-
     for room in areas[0]:
         title = " ".join(word for word in (room.kind, room.name) if word)
         print(printable(f"{room.id:<20} {room.area_m2:5.1f} m2  {title:<12} {', '.join(room.objects)}".rstrip()))
@@ -154,7 +153,6 @@ def _print_rooms(areas: Areas) -> None:
 
 def _print_history(objects: "list[MapObject]", as_json: bool) -> None:
     from edgemap.geometry.objects.queries import changes
-    from edgemap.runtime.frames.reading import printable
     from edgemap.runtime.step.map_file import change_record
 
     records = [change_record(item, event) for item, event in changes(objects)]
@@ -186,8 +184,6 @@ def _print_json(path: Path, areas: Areas, answers: Answers) -> None:
 
 def _draw(path: Path, drawn: "DrawnMap", out: Path | None, with_sightings: bool) -> Path:
     """Draws the map, with the run's trajectory where it lies beside it; the picture's path."""
-    from dataclasses import replace
-
     from edgemap.runtime.outputs.map_formats.drawing import draw_map
     from edgemap.runtime.outputs.sightings_file import read_sightings
 
@@ -201,8 +197,6 @@ def _draw(path: Path, drawn: "DrawnMap", out: Path | None, with_sightings: bool)
 
 def _poses(folder: Path) -> "tuple[SE2, ...]":
     """The run's trajectory; none where it is missing or empty, and where it is damaged, with a message."""
-    from edgemap.runtime.frames.errors import OdometryError
-    from edgemap.runtime.frames.reading import print_message
     from edgemap.runtime.frames.trajectory import trajectory_of
 
     try:

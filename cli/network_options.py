@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.options import BundleName, at_least
-from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.errors import BundleError, UsageError
 from edgemap.runtime.frames.option_texts import known_names
+from edgemap.runtime.frames.reading import print_message
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.inference import Inference
@@ -63,7 +64,6 @@ class NetworkOptions:
         alone: without a companion, for boxes in pictures.
         """
         from edgemap.runtime.frames.class_names import read_class_names
-        from edgemap.runtime.frames.errors import BundleError
         from edgemap.runtime.inputs.cameras.kinds import recorded_from
         from edgemap.runtime.network.open_bundle import open_bundle
         from edgemap.runtime.network.store import default_bundle
@@ -84,7 +84,6 @@ class NetworkOptions:
         from importlib.util import find_spec
 
         from edgemap.runtime.frames.inference import Inference
-        from edgemap.runtime.frames.reading import print_message
 
         engine, precision = (recorded.engine, recorded.precision) if recorded else ("onnxruntime", "float32")
         if engine == "openvino" and self.engine is None and find_spec("openvino") is None:
@@ -97,7 +96,6 @@ def bundle_of(name: str | None, *specs: str) -> Path:
     """Folder of a bundle by folder or name; a listed name that is not in the cache is pulled first. specs: as in
     `NetworkOptions.load`. Raises UsageError.
     """
-    from edgemap.runtime.frames.reading import print_message
     from edgemap.runtime.inputs.cameras.kinds import recorded_from
     from edgemap.runtime.network.store import bundle_folder, default_bundle, shipped_bundles
 

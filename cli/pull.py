@@ -1,5 +1,6 @@
 """`edgemap pull`: known models and finished bundles, into the cache."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -7,6 +8,9 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.export.sources import KNOWN
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.frames.extras import need
+from edgemap.runtime.frames.reading import print_message, user_path
 
 
 def command(
@@ -28,7 +32,6 @@ def command(
 
     Upstream is tried first, then mirrors; every file's SHA-256 is checked before anything reads it.
     """
-    from edgemap.runtime.frames.reading import print_message, user_path
     from edgemap.runtime.network.download import is_url
     from edgemap.runtime.network.store import install_folder, install_url
 
@@ -51,8 +54,6 @@ def pull_known(name: str, given: str | None = None) -> Path:
     given: a file or URL instead of the listed sources. Raises BundleError for an unknown name, MissingExtraError,
     DownloadError or ExportError.
     """
-    from edgemap.runtime.frames.errors import BundleError
-    from edgemap.runtime.frames.extras import need
     from edgemap.runtime.network.manifest_file import read_manifest, verified_file
     from edgemap.runtime.network.store import cache_folder, shipped_folder
 
@@ -60,13 +61,10 @@ def pull_known(name: str, given: str | None = None) -> Path:
         raise BundleError(f"{name!r} is neither a bundle's folder nor URL, nor a known model ({', '.join(KNOWN)})")
     folder = cache_folder() / "bundles" / name
     if given is None and folder.is_dir():
-        try:
+        with suppress(BundleError):  # damaged or of an older format: made again
             manifest = read_manifest(folder)
             for file in manifest.sha256:
                 verified_file(folder, manifest, file)
-        except BundleError:
-            pass  # damaged or of an older format: made again
-        else:
             return folder
     need("export", f"edgemap pull {name}")
     from edgemap.export.exporter import export_backbone

@@ -9,6 +9,10 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import read_intrinsics, read_mount
 from edgemap.cli.groups import Source
 from edgemap.cli.options import Topics, WithoutDepth, at_least, sensor_topics
+from edgemap.cli.signals import stop_on_signals
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.errors import RecordingError, UsageError
+from edgemap.runtime.frames.reading import print_message
 
 
 def command(
@@ -35,11 +39,7 @@ def command(
     """
     from edgemap.bridges.ros2.recordings.facts import Facts
     from edgemap.bridges.ros2.recordings.recorder import Recorder
-    from edgemap.cli.signals import stop_on_signals
-    from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.frames.camera import CameraOptions, next_frame
-    from edgemap.runtime.frames.errors import RecordingError
-    from edgemap.runtime.frames.reading import print_message
     from edgemap.runtime.frames.trajectory import Trajectory
     from edgemap.runtime.inputs.cameras.kinds import read_wheels
 
@@ -79,8 +79,6 @@ def check_name(path: Path | None) -> None:
 
     Raises UsageError.
     """
-    from edgemap.runtime.frames.errors import UsageError
-
     if path is not None and path.suffix != ".mcap":
         raise UsageError(f"{path}: a recording's name must end in .mcap")
     if path is not None and path.exists():

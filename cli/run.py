@@ -12,6 +12,7 @@ from edgemap.cli.run_options import (
     RunOptions,
     WatchGroup,
 )
+from edgemap.runtime.frames.reading import printable
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.camera import Camera
@@ -44,7 +45,6 @@ def command(
     from edgemap.cli.drive import Run
     from edgemap.cli.guessed_camera import floor_camera_of
     from edgemap.runtime.frames.camera import CameraOptions, check_size
-    from edgemap.runtime.frames.reading import printable
     from edgemap.runtime.step.config import Config, load_config
 
     tuned = load_config(advanced.config) if advanced.config else Config()

@@ -17,6 +17,9 @@ from edgemap.cli.options import (
     sensor_topics,
 )
 from edgemap.cli.publishers import OutputGroup, WatchGroup
+from edgemap.runtime.frames.extras import need
+from edgemap.runtime.frames.reading import without_secrets
+from edgemap.runtime.step.map_store import AUTO, find_map
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.camera import SensorTopics
@@ -71,15 +74,11 @@ class MapGroup(MappingOptions):
 
     def place(self) -> "MapPlace | None":
         """The place of `--map`; None without it, and for auto."""
-        from edgemap.runtime.step.map_store import find_map
-
         return None if self.saved is None or self.auto else find_map(self.saved)
 
     @property
     def auto(self) -> bool:
         """Whether the run finds out in which named map it is."""
-        from edgemap.runtime.step.map_store import AUTO
-
         return str(self.saved) == AUTO
 
     @property
@@ -120,8 +119,6 @@ class RunOptions:
     def check(self) -> None:
         """Read every text that needs nothing else, before anything is opened. Raises UsageError, and
         MissingExtraError where an output was asked for whose libraries are not installed."""
-        from edgemap.runtime.frames.extras import need
-
         self.camera.check()
         self.robot.check()
         at_least(1, frames=self.camera.frames, threads=self.advanced.threads)
@@ -169,8 +166,6 @@ class RunOptions:
     def inputs(self) -> dict[str, object]:
         """Options that differ from their defaults and are inputs of the step, by flag, as plain values: what makes the
         same run again."""
-        from edgemap.runtime.frames.reading import without_secrets
-
         inputs: dict[str, object] = {}
         for group in (self.camera, self.robot, self.map, self.advanced):
             usual = type(group)()

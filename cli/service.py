@@ -22,36 +22,22 @@ class ServiceNotifier:
         self._address = "\0" + address[1:] if address.startswith("@") else address
         ours = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
         allowed_us = environment.get("WATCHDOG_USEC", "")
-        self._every_s = int(allowed_us) / 1e6 / BEATS if allowed_us.isdecimal() and ours else 0.0
-        self._clock_s = clock_s
-        self._sent_s = -1e9
-        self._status = ""
-        self._ready = False
+        self._fed = ours and allowed_us.isdecimal()
+        self._every_s = int(allowed_us) / 1e6 / BEATS if self._fed else 1.0
+        self._clock_s, self._sent_s = clock_s, -1e9
 
     def beat(self, status: str) -> None:
-        """Feed the watchdog. status: one line. The first call reports READY."""
-        if not self._address:
-            return
-        lines = [] if self._ready else ["READY=1"]
-        now_s = self._clock_s()
-        due = now_s - self._sent_s >= (self._every_s or 1.0)
-        if due and self._every_s:
-            lines.append("WATCHDOG=1")
-        if status != self._status and (due or not self._ready):
-            lines.append(f"STATUS={status}")
-            self._status = status
-        if due or lines:
-            self._sent_s = now_s if due else self._sent_s
-            self._ready = True
-            self._send(lines)
+        """Feed the watchdog, where it is due. status: one line. The first call reports READY."""
+        if self._clock_s() - self._sent_s >= self._every_s:
+            self._sent_s = self._clock_s()
+            self._send("READY=1", *["WATCHDOG=1"] * self._fed, f"STATUS={status}")
 
     def stopping(self) -> None:
         """The run ends and saves."""
-        if self._address:
-            self._send(["STOPPING=1"])
+        self._send("STOPPING=1")
 
-    def _send(self, lines: list[str]) -> None:
-        if not lines:
+    def _send(self, *lines: str) -> None:
+        if not self._address:
             return
         with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
             sender.setblocking(False)

@@ -1,6 +1,6 @@
 """`edgemap simulate`: drives through rendered homes, with their truth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -8,6 +8,7 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import MountText, read_mount
 from edgemap.cli.options import at_least
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.extras import need
 
 if TYPE_CHECKING:
     from edgemap.simulation.world import Choices
@@ -45,8 +46,6 @@ class DriveOptions:
 
     def choices(self) -> "Choices":
         """What is not drawn from the seed. Raises UsageError."""
-        from dataclasses import replace
-
         from edgemap.simulation.camera.film import CameraSetup
         from edgemap.simulation.world import PLAIN, Choices
 
@@ -109,7 +108,6 @@ def command(
 
     from tqdm import tqdm
 
-    from edgemap.runtime.frames.extras import need
     from edgemap.simulation.live import RENDERERS
 
     need("simulation", "edgemap simulate", RENDERERS)

@@ -6,9 +6,11 @@ from typing import Annotated
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.network_options import NetworkOptions
+from edgemap.cli.options import at_least
 from edgemap.cli.training import TORCH, Resume, check_training
 from edgemap.export.settings import DetectorSettings
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.extras import need
 
 
 def command(
@@ -81,9 +83,6 @@ def command(
     Interrupted runs go on with --resume: with a budget in epochs exactly as if nothing had happened. `edgemap export
     DIR/best.pt --head HEAD -o BUNDLE` makes a bundle.
     """
-    from edgemap.cli.options import at_least
-    from edgemap.runtime.frames.extras import need
-
     need("export", "edgemap train detector", TORCH)
     at_least(1, validate_pictures=validate_pictures)
     check_training(settings, len(data))

@@ -4,9 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.options import at_least
 from edgemap.cli.training import TORCH, FeatureCache, Resume, check_training
 from edgemap.export.settings import FloorSettings
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.extras import need
 
 
 def command(
@@ -51,9 +53,6 @@ def command(
     `edgemap export --backbone NAME --head ODOMETRY_HEAD DIR/best.pt -o BUNDLE` joins it to its network, whose other
     outputs stay bit for bit the same.
     """
-    from edgemap.cli.options import at_least
-    from edgemap.runtime.frames.extras import need
-
     need("export", "edgemap train floor", TORCH)
     at_least(1, views=views)
     at_least(4, batch=settings.batch)

@@ -4,9 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.options import at_least
 from edgemap.cli.training import TORCH, FeatureCache, Resume, check_training
 from edgemap.export.settings import OdometrySettings
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.extras import need
 
 
 def command(
@@ -48,9 +50,6 @@ def command(
 
     Interrupted runs go on with --resume. `edgemap export DIR/best.pt -o BUNDLE` makes a bundle of backbone and head.
     """
-    from edgemap.cli.options import at_least
-    from edgemap.runtime.frames.extras import need
-
     need("export", "edgemap train odometry", TORCH)
     if head != "paper":
         raise UsageError(f"--head {head}: the only learned odometry is paper; motion needs no head (--odometry hybrid)")

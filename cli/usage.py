@@ -11,6 +11,8 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
+from edgemap.runtime.frames.reading import print_message, user_path
+
 NOT_OF_TYPE = re.compile(
     r"Error parsing (\S+): (?:no )?type matching (?:\{None\}\|)?(\S+) could be instantiated from \[(.*)\]"
 )
@@ -39,8 +41,6 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
             tyro.cli(begun, prog=f"edgemap {words}", args=rest, config=marks)
     except SystemExit as error:
         if error.code == 2 and captured.getvalue():
-            from edgemap.runtime.frames.reading import print_message
-
             line = usage_line(captured.getvalue(), _takes_camera(hints.values()))
             print_message(f"edgemap {words}: {line} (edgemap {words} --help)")
         raise
@@ -48,8 +48,6 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
 
 def _from_home(word: str) -> str:
     """`~/x` and `--option=~/x` with the home folder, which a shell leaves out in the latter, a service in both."""
-    from edgemap.runtime.frames.reading import user_path
-
     option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
     return option + equals + str(user_path(value)) if value.startswith("~/") else word
 

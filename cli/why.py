@@ -7,6 +7,7 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.options import Json, last_run, print_json
+from edgemap.runtime.step.map_store import saved_map
 
 if TYPE_CHECKING:
     from edgemap.geometry.objects.annotations import MapIdentity
@@ -26,7 +27,6 @@ def command(
     """
     from edgemap.runtime.outputs.verdict.verdict import TITLES, explain, read_record
     from edgemap.runtime.step.map_file import identity_record, load_annotated_map, load_map
-    from edgemap.runtime.step.map_store import saved_map
 
     folder = run or last_run()
     if folder.name == "map.json" and (folder.parent / "run.json").is_file():

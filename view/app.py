@@ -3,12 +3,11 @@
 from pathlib import Path
 
 from starlette.applications import Starlette
-from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp
 from starlette.websockets import WebSocket
 
 from edgemap.view import answers
@@ -49,7 +48,7 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
 
     routes = [Route(path, file) for path in files]
     routes += [*api_routes(page, usage), WebSocketRoute("/api/stream", socket)]
-    return Guard(_Sealed(Starlette(routes=routes, exception_handlers={HTTPException: _refused})), token, cookie)
+    return Guard(Starlette(routes=routes, exception_handlers={HTTPException: _refused}), token, cookie)
 
 
 async def _refused(request: Request, error: Exception) -> Response:
@@ -59,32 +58,3 @@ async def _refused(request: Request, error: Exception) -> Response:
     if request.url.path.startswith("/api/"):
         return Response(answers.plain({"error": text}), status, headers, media_type="application/json")
     return PlainTextResponse(f"{text}\n", status, headers)
-
-
-class _Sealed:
-    """ASGI middleware that adds `_headers` to each response, also to errors."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Calls the application and adds the headers to its response."""
-
-        async def sealed(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(_headers(Headers(scope=scope)["host"]))
-            await send(message)
-
-        await self._app(scope, receive, sealed)
-
-
-def _headers(host: str) -> dict[str, str]:
-    """Security headers: no content of other origins, no frames of other pages, no cache. host: checked by the guard."""
-    policy = f"default-src 'self'; connect-src 'self' ws://{host} wss://{host}; img-src 'self' blob: data:"
-    return {
-        "Content-Security-Policy": f"{policy}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
-        "Cross-Origin-Resource-Policy": "same-origin",
-        "X-Content-Type-Options": "nosniff",
-        "Referrer-Policy": "no-referrer",
-        "Cache-Control": "no-store",
-    }

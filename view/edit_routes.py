@@ -75,6 +75,14 @@ class DockRequest(msgspec.Struct, forbid_unknown_fields=True):
     y_m: Coordinate | None = None
     yaw_rad: Yaw | None = None
 
+    def pose(self) -> tuple[float, float, float] | None:
+        """The pose; None where nothing of it is given. Raises Refused for a part of one."""
+        if self.x_m is not None and self.y_m is not None and self.yaw_rad is not None:
+            return self.x_m, self.y_m, self.yaw_rad
+        if not self.x_m is self.y_m is self.yaw_rad is None:
+            raise Refused(400, "a pose is x_m, y_m and yaw_rad together")
+        return None
+
 
 class PoseRequest(DockRequest):
     """Body of PUT /api/pose: a pose, or that the robot is in its dock."""
@@ -195,14 +203,13 @@ def _one(rooms: list[dict], identity: str) -> dict:
 async def put_pose(page: LivePage, request: Request) -> Response:
     """Sets the robot's pose."""
     body = await body_of(request, PoseRequest)
-    sigmas = (body.sigma_m, body.sigma_m, body.sigma_yaw_rad)
-    if body.x_m is None or body.y_m is None or body.yaw_rad is None:
-        if not body.in_dock or not body.x_m is body.y_m is body.yaw_rad is None:
-            raise Refused(400, "a pose is x_m, y_m and yaw_rad together, or in_dock alone")
-        await take(page, Edit("pose", "dock", sigmas=sigmas))
+    pose, sigmas = body.pose(), (body.sigma_m, body.sigma_m, body.sigma_yaw_rad)
+    if pose is None and not body.in_dock:
+        raise Refused(400, "give x_m, y_m and yaw_rad together, or in_dock alone")
+    await take(page, Edit("pose", "" if pose else "dock", pose=pose, sigmas=sigmas))
+    if pose is None:
         return await dock(page, request)
-    await take(page, Edit("pose", pose=(body.x_m, body.y_m, body.yaw_rad), sigmas=sigmas))
-    return as_json({"x_m": body.x_m, "y_m": body.y_m, "yaw_rad": body.yaw_rad})
+    return as_json(dict(zip(("x_m", "y_m", "yaw_rad"), pose, strict=True)))
 
 
 async def dock(page: LivePage, request: Request) -> Response:  # noqa: ARG001
@@ -217,12 +224,7 @@ async def put_dock(page: LivePage, request: Request) -> Response:
     """Set the dock to a pose, or to where the robot is now."""
     body = await body_of(request, DockRequest)
     here = newest_of(page).result.pose_map_base
-    pose = (float(here.x_m), float(here.y_m), float(here.yaw_rad))
-    if body.x_m is not None and body.y_m is not None and body.yaw_rad is not None:
-        pose = (body.x_m, body.y_m, body.yaw_rad)
-    elif body != DockRequest():
-        raise Refused(400, "a dock is x_m, y_m and yaw_rad together, or {} for the robot's pose now")
-    await take(page, Edit("dock", pose=pose))
+    await take(page, Edit("dock", pose=body.pose() or (float(here.x_m), float(here.y_m), float(here.yaw_rad))))
     return await dock(page, request)
 
 

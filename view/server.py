@@ -6,7 +6,6 @@ import ipaddress
 import secrets
 import socket
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -17,8 +16,6 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import print_message
 from edgemap.view.app import make_app
 from edgemap.view.page import LivePage
-
-START_LIMIT_S = 10.0
 
 
 class ViewError(EdgemapError):
@@ -38,7 +35,7 @@ class PageServer:
         port: int,
         report: Callable[[str], None] = print_message,
     ) -> None:
-        self._socket, self._edits = _bind(host, port), page.edits
+        self._socket, self.page = _bind(host, port), page
         self._report = report
         address, self.port = self._socket.getsockname()[:2]
         self.token = "" if ipaddress.ip_address(address).is_loopback else secrets.token_urlsafe(16)
@@ -54,13 +51,10 @@ class PageServer:
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self._serve, name="live page", daemon=True)
         self._thread.start()
-        until_s = time.monotonic() + START_LIMIT_S
-        while self._thread.is_alive() and not self._server.started and time.monotonic() < until_s:
-            time.sleep(0.005)
 
     def close(self) -> None:
         """Refuses edits that still wait, closes the viewers' connections and releases the port; may be called twice."""
-        self._edits.end()  # a request that waits for one would be cut off with a traceback
+        self.page.edits.end()  # a request that waits for one would be cut off with a traceback
         self._server.should_exit = True
         self._thread.join(timeout=3.0)
         self._socket.close()

@@ -9,9 +9,8 @@ from edgemap.runtime.frames.errors import PublishError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.option_texts import host_and_port
 
-ROOT, PORT = "edgemap/fleet", 7447
+ROOT = "edgemap/fleet"
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", re.ASCII)
-MESSAGE_BYTES = 4 << 20
 
 
 def checked_name(text: str, what: str) -> str:
@@ -29,7 +28,7 @@ def place_and_address(text: str, option: str) -> tuple[str, str]:
 
 def zenoh_address(text: str, option: str) -> str:
     """HOST:PORT as zenoh writes it. Raises UsageError."""
-    host, number = host_and_port(text, option, PORT)
+    host, number = host_and_port(text, option, 7447)  # zenoh's own
     return f"[{host}]:{number}" if ":" in host else f"{host}:{number}"
 
 
@@ -48,7 +47,7 @@ def open_session(connect: str = "", listen: str = "", wait_s: float | None = Non
         "connect/endpoints": [f"tcp/{connect}"] if connect else [],
         "connect/timeout_ms": -1 if wait_s is None else round(1e3 * wait_s),
         "connect/exit_on_failure": wait_s is not None,
-        "transport/link/rx/max_message_size": MESSAGE_BYTES,
+        "transport/link/rx/max_message_size": 4 << 20,
     }
     try:
         config = zenoh.Config.from_file(file) if file else zenoh.Config()

@@ -7,7 +7,7 @@ from typing import Any
 from edgemap.bridges.fleet.network import ROOT, checked_name, open_session, place_and_address
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.runtime.frames.errors import PublishError, UsageError
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.reading import read_bytes
@@ -36,8 +36,7 @@ class FleetSink(Sink):
         root, key = f"{ROOT}/{place}", f"{ROOT}/{place}/robots/{checked_name(robot, 'robot')}"
         self._session: Any = open_session(connect=address)
         self._message, self._kept, self._verdict = "", False, verdict
-        self._objects, self._annotations = list[MapObject](), NO_ANNOTATIONS
-        self._grid: OccupancyGrid | None = None
+        self._latest: tuple[list[MapObject], Annotations, OccupancyGrid | None] = [], NO_ANNOTATIONS, None
         self._grid_bytes = b""
         self._pose_timer, self._map_timer = StreamTimer(EVERY_S), StreamTimer(MAP_EVERY_S)
         self._map, self._pose = (self._session.declare_publisher(f"{key}/{what}") for what in ("map", "pose"))
@@ -47,8 +46,7 @@ class FleetSink(Sink):
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Sends what is due."""
-        stamp_s, self._objects, self._annotations = result.frame.stamp_s, objects, result.annotations
-        self._grid = result.grid
+        stamp_s, self._latest = result.frame.stamp_s, (objects, result.annotations, result.grid)
         if self._map_timer.due(stamp_s):
             self._send_map()
         if self._pose_timer.due(stamp_s):
@@ -65,9 +63,10 @@ class FleetSink(Sink):
             self._session.close()
 
     def _send_map(self) -> None:
-        message = json.dumps(map_document(self._objects, self._verdict().on(self._annotations), self._grid))
-        if message != self._message and (self._message or self._objects):
-            self._message, self._grid_bytes = message, b"" if self._grid is None else grid_bytes(self._grid)
+        objects, annotations, grid = self._latest
+        message = json.dumps(map_document(objects, self._verdict().on(annotations), grid))
+        if message != self._message and (self._message or objects):
+            self._message, self._grid_bytes = message, b"" if grid is None else grid_bytes(grid)
             self._map.put(message, attachment=self._grid_bytes)
 
     def _on_keeper(self, sample: Any) -> None:  # on a thread of zenoh's

@@ -21,9 +21,6 @@ SENT = (
     topics.PICTURES, topics.INFO, topics.TF, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS,
     topics.GRID, topics.MAP, topics.FLOOR_SCAN,
 )  # fmt: skip
-LETTER_PX, LINE_PX = 14.0, 2.0
-BACKLOG = 128  # messages kept for a client that is slow: a second or two at 10 Hz
-PORT = 8765
 
 
 class FoxgloveServer:
@@ -46,7 +43,7 @@ class FoxgloveServer:
         try:
             self._server = foxglove.start_server(
                 name="edgemap", host=host, port=port, context=context, capabilities=[foxglove.Capability.Time],
-                message_backlog_size=BACKLOG,
+                message_backlog_size=128,  # of a client that is slow: a second or two at 10 Hz
             )  # fmt: skip
         except (RuntimeError, OverflowError) as error:
             raise PublishError(f"--foxglove {host}:{port}: {error}") from None
@@ -114,7 +111,7 @@ def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a ty
                 type=messages.PointsAnnotationType.LineLoop,
                 points=[messages.Point2(x=x, y=y) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))],
                 outline_color=colour,
-                thickness=LINE_PX,
+                thickness=2.0,
             )
         )
         texts.append(
@@ -122,7 +119,7 @@ def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a ty
                 timestamp=stamp,
                 position=messages.Point2(x=x0, y=y0),
                 text=f"{label} {score:.2f} {objects.get(index, '')}".rstrip(),
-                font_size=LETTER_PX,
+                font_size=14.0,
                 text_color=white,
                 background_color=colour,
             )
@@ -132,7 +129,7 @@ def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a ty
 
 def open(address: str, run: RunInfo) -> FoxgloveServer:
     """The sink of `--foxglove HOST:PORT`. Raises UsageError, or as the server does."""
-    host, port = host_and_port(address, "--foxglove", PORT)
+    host, port = host_and_port(address, "--foxglove", 8765)
     server = FoxgloveServer(host, port, MessageStream(run.floor.intrinsics, run.floor.mount))
     print(f"Foxglove:  {server.url}", flush=True)
     return server

@@ -5,6 +5,7 @@ import re
 from typing import Any, get_args
 
 from edgemap.geometry.map_object import EventKind
+from edgemap.runtime.frames.version import VERSION
 
 EVENTS = (*get_args(EventKind), "entered", "left")
 LISTED = "{{ (value_json.occupied_by | join(', '))[:255] or 'empty' }}"
@@ -48,19 +49,18 @@ def device_identity(robot: str) -> str:
     return "edgemap-" + re.sub(r"[^A-Za-z0-9_-]", "_", robot)
 
 
-def discovery(robot: str, root: str, version: str) -> dict[str, str]:
+def discovery(robot: str, root: str) -> dict[str, str]:
     """Topics and payloads that make a robot a device, one for each entity."""
     return {
-        config_topic(robot, kind, name): _config(robot, root, version, name, entity)
-        for name, (kind, entity) in ENTITIES.items()
+        config_topic(robot, kind, name): _config(robot, root, name, entity) for name, (kind, entity) in ENTITIES.items()
     }
 
 
-def zone_discovery(robot: str, root: str, version: str, zone: str, name: str) -> tuple[str, str]:
+def zone_discovery(robot: str, root: str, zone: str, name: str) -> tuple[str, str]:
     """Topic and payload of a zone's entity. zone: its id."""
     topic = f"~/zones/{zone}"
     entity = {"name": name or zone, "state_topic": topic, "json_attributes_topic": topic, "value_template": LISTED}
-    return config_topic(robot, "sensor", zone), _config(robot, root, version, zone, entity)
+    return config_topic(robot, "sensor", zone), _config(robot, root, zone, entity)
 
 
 def config_topic(robot: str, kind: str, name: str) -> str:
@@ -68,12 +68,12 @@ def config_topic(robot: str, kind: str, name: str) -> str:
     return f"homeassistant/{kind}/{device_identity(robot)}/{name}/config"
 
 
-def _config(robot: str, root: str, version: str, name: str, entity: dict[str, Any]) -> str:
+def _config(robot: str, root: str, name: str, entity: dict[str, Any]) -> str:
     identity = device_identity(robot)
     shared = {
         "~": root,
-        "device": {"identifiers": [identity], "name": robot, "manufacturer": "edgemap", "sw_version": version},
-        "origin": {"name": "edgemap", "sw_version": version},
+        "device": {"identifiers": [identity], "name": robot, "manufacturer": "edgemap", "sw_version": VERSION},
+        "origin": {"name": "edgemap", "sw_version": VERSION},
         "availability_topic": "~/status",
         "unique_id": f"{identity}-{name}",
     }

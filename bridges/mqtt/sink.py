@@ -6,10 +6,8 @@ import os
 import re
 import threading
 from base64 import b64encode
-from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from edgemap.bridges.mqtt.home_assistant import config_topic, discovery, zone_discovery
@@ -26,20 +24,15 @@ from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.limits import EVERY_S, PATIENCE_S, SELDOM_S
 from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.frames.timing import StreamTimer
-from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.outputs.sinks.kinds import RunInfo
-from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.map_file import event_record, object_record, object_uuid, save_map
 from edgemap.runtime.step.map_memory import MOVED_M
 from edgemap.runtime.step.slam import StepResult
 from edgemap.runtime.step.wall_clock import utc_text
 
-PORT = 1883
-RETRY_S = (1, 30)  # shortest and longest pause before the broker is tried again
 QUEUED = 1000  # messages kept for a broker that does not take them
 PACKET_BYTES = 1 << 18  # of one packet from the broker: more than any object's
 NO_IDENTITY = MapIdentity("map")
-REMEMBERED = ("objects", "zones")  # retained topics that an earlier run may have left
 
 
 class MqttPublisher:
@@ -55,19 +48,9 @@ class MqttPublisher:
     """
 
     def __init__(
-        self,
-        host: str,
-        port: int,
-        robot: str,
-        user: str | None = None,
-        password: str | None = None,
-        version: str = "",
-        verdict: Callable[[], Verdict] = lambda: Verdict("care"),
-        camera: Callable[[], str] = lambda: "running",
-        folder: Path | None = None,
-        edit: Callable[[Edit], Future[str]] | None = None,
+        self, host: str, port: int, run: RunInfo, user: str | None = None, password: str | None = None
     ) -> None:
-        """camera: its state. folder: where `save` writes; None for nowhere. edit: takes `in dock`."""
+        """run: its folder is where `save` writes, its edits take `in dock`."""
         need("mqtt", "--mqtt")
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
@@ -79,12 +62,11 @@ class MqttPublisher:
                     raise ConnectionError(f"a packet of {bufsize} bytes")
                 return super()._sock_recv(bufsize)
 
-        self.name, self.root = "MQTT", f"edgemap/{topic_level(robot)}"
-        self._address, self._robot, self._version = f"{host}:{port}", robot, version
+        self.name, self.root = "MQTT", f"edgemap/{topic_level(run.robot)}"
+        self._address, self._run = f"{host}:{port}", run
         self._published: dict[str, MapObject] = {}
         self._at: float | None = None  # wall time of the newest step
-        self._identity, self._verdict, self._camera, self._folder = NO_IDENTITY, verdict, camera, folder
-        self._edit = edit
+        self._identity = NO_IDENTITY
         self._asked: Future[str] | None = None  # the newest edit, until it is taken or refused
         self._zones, self._in_zones = ZoneWatch(), dict[str, str]()  # payloads by id
         self._picture = MapPicture(lambda data: self._publish("map", b64encode(data), retain=True))
@@ -95,12 +77,11 @@ class MqttPublisher:
         self._connected, self._refused = threading.Event(), "no answer"
         self._new_connection = False
         self._objects = threading.Lock()  # of `_published` and the retained objects, which say the same
-        self._client = BoundedClient(CallbackAPIVersion.VERSION2, client_id=f"edgemap-{topic_level(robot)}")
+        self._client = BoundedClient(CallbackAPIVersion.VERSION2, client_id=f"edgemap-{topic_level(run.robot)}")
         self._client.suppress_exceptions = True  # a message that a callback cannot read does not end the thread
-        self._cleaned = self._cleaning = False  # of objects of an earlier run
         self._client.max_queued_messages_set(QUEUED)
         self._client.max_inflight_messages_set(QUEUED)
-        self._client.reconnect_delay_set(*RETRY_S)
+        self._client.reconnect_delay_set(max_delay=30)  # seconds
         if user:
             self._client.username_pw_set(user, password)
         self._client.will_set(f"{self.root}/status", "offline", qos=1, retain=True)
@@ -130,9 +111,7 @@ class MqttPublisher:
             if before is None:
                 self._event("appeared", item)
             elif _remembered(before) != _remembered(item) or math.dist(before.position_m, item.position_m) > MOVED_M:
-                with self._objects:
-                    self._published[identity] = item
-                    self._publish_object(item)
+                self._publish_object(item)
             for event in _news(before, item):
                 self._publish(
                     "events", json.dumps(self._named(item) | {"event_type": event.what} | event_record(event))
@@ -175,26 +154,23 @@ class MqttPublisher:
 
     def _begin(self) -> None:
         """A new connection: all retained messages again. Objects of an earlier run answer to `_on_message`."""
-        for topic, payload in discovery(self._robot, self.root, self._version).items():
+        for topic, payload in discovery(self._run.robot, self.root).items():
             self._client.publish(topic, payload, qos=1, retain=True)
         self._publish("status", "online", retain=True)
-        self._client.subscribe(f"{self.root}/command", qos=1)
+        kept = (f"{self.root}/{kind}/+" for kind in ("objects", "zones"))  # which an earlier run may have left
+        self._client.subscribe([(topic, 1) for topic in (f"{self.root}/command", *kept)])
         self._in_zones.clear()
         for item in self._published.values():
             self._publish_object(item)
-        if not self._cleaned:
-            self._client.subscribe([(f"{self.root}/{kind}/+", 1) for kind in REMEMBERED])
-            self._cleaned = self._cleaning = True
         self._state_timer.done()
 
     def _event(self, kind: str, item: MapObject, **more: Any) -> None:
-        with self._objects:
-            if kind == "vanished":
+        if kind == "appeared":
+            self._publish_object(item)
+        else:
+            with self._objects:
                 del self._published[item.id]
                 self._publish(f"objects/{topic_level(item.id)}", "", retain=True)
-            else:
-                self._published[item.id] = item
-                self._publish_object(item)
         self._publish("events", json.dumps({"event_type": kind, "at": utc_text(self._at)} | self._named(item) | more))
 
     def _named(self, item: MapObject) -> dict[str, Any]:
@@ -204,12 +180,11 @@ class MqttPublisher:
 
     def _publish_object(self, item: MapObject) -> None:
         record = object_record(item) | {"uuid": object_uuid(item.id, self._identity.map_id)}
-        self._publish(f"objects/{topic_level(item.id)}", json.dumps(record), retain=True)
+        with self._objects:
+            self._published[item.id] = item
+            self._publish(f"objects/{topic_level(item.id)}", json.dumps(record), retain=True)
 
     def _publish_state(self, result: StepResult, objects: list[MapObject]) -> None:
-        if self._cleaning and self._state:
-            self._client.unsubscribe([f"{self.root}/{kind}/+" for kind in REMEMBERED])
-            self._cleaning = False
         pose = result.pose_map_base
         self._state = {
             "stamp_s": round(result.frame.stamp_s, 3),
@@ -220,12 +195,12 @@ class MqttPublisher:
             "room": self._picture.room(pose),
             "objects": len(objects),
             "map_id": self._identity.map_id,
-            "verdict": self._verdict().document(),
+            "verdict": self._run.verdict().document(),
         }
         self._send_state()
 
     def _send_state(self) -> None:
-        state = self._state | {"camera": self._camera(), "fault_count": self._faults, "fault": self._fault}
+        state = self._state | {"camera": str(self._run.camera.state), "fault_count": self._faults, "fault": self._fault}
         self._publish("state", json.dumps(state), retain=True)
 
     def _publish_zones(self, result: StepResult, objects: list[MapObject]) -> None:
@@ -237,7 +212,7 @@ class MqttPublisher:
         for identity, (name, held) in now.items():
             payload = json.dumps({"name": name, "occupied_by": held, "count": len(held)})
             if self._in_zones.get(identity) != payload:
-                topic, config = zone_discovery(self._robot, self.root, self._version, identity, name)
+                topic, config = zone_discovery(self._run.robot, self.root, identity, name)
                 self._client.publish(topic, config, qos=1, retain=True)
                 self._publish(f"zones/{identity}", payload, retain=True)
                 self._in_zones[identity] = payload
@@ -246,15 +221,14 @@ class MqttPublisher:
             self._clear_zone(identity)
 
     def _clear_zone(self, identity: str) -> None:
-        self._client.publish(config_topic(self._robot, "sensor", identity), "", qos=1, retain=True)
+        self._client.publish(config_topic(self._run.robot, "sensor", identity), "", qos=1, retain=True)
         self._publish(f"zones/{identity}", "", retain=True)
 
     def _save(self, result: StepResult, objects: list[MapObject]) -> None:
         """Writes the map to a file of its own in the run folder. Raises MapError."""
-        if self._folder is not None:
-            annotations = self._verdict().on(result.annotations)
-            path = self._folder / f"map-{result.frame.index:06d}.json"
-            save_map(path, *scaled_map(objects, annotations, result.grid, result.scale))
+        annotations = self._run.verdict().on(result.annotations)
+        path = self._run.folder / f"map-{result.frame.index:06d}.json"
+        save_map(path, *scaled_map(objects, annotations, result.grid, result.scale))
 
     def _publish(self, topic: str, payload: str | bytes, retain: bool = False):
         return self._client.publish(f"{self.root}/{topic}", payload, qos=1, retain=retain)
@@ -280,8 +254,8 @@ class MqttPublisher:
         if message.topic == f"{self.root}/command":
             if message.payload == b"save" and not message.retain:
                 self._save_asked.set()
-            if message.payload == b"in dock" and not message.retain and self._edit is not None:
-                self._asked = self._edit(Edit("pose", "dock"))
+            if message.payload == b"in dock" and not message.retain:
+                self._asked = self._run.edits.submit(Edit("pose", "dock"))
             return
         kind, _, identity = message.topic.removeprefix(f"{self.root}/").partition("/")
         if not message.retain or not message.payload:
@@ -323,17 +297,4 @@ def open(address: str, run: RunInfo) -> MqttPublisher:
     Raises UsageError, or as the publisher does.
     """
     user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
-    host, port = host_and_port(address, "--mqtt", PORT)
-    camera = run.camera
-    return MqttPublisher(
-        host,
-        port,
-        run.robot,
-        user,
-        password,
-        VERSION,
-        run.verdict,
-        lambda: str(camera.state),
-        run.folder,
-        run.edits.submit,
-    )
+    return MqttPublisher(*host_and_port(address, "--mqtt", 1883), run, user, password)

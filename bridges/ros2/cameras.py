@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, CameraOptions, SensorTopics
 from edgemap.runtime.frames.reading import user_path
+from edgemap.runtime.inputs.cameras.kinds import CameraKind, FileKind
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.trajectory import Trajectory
 
 
-class TopicKind:
-    """`ros2:/topic`, with depth from another topic."""
+class TopicKind(CameraKind):
+    """`ros2:/topic`, with depth from another topic. `ros2 topic list` shows the topics."""
 
     def open(self, address: str, how: CameraOptions) -> Camera:
         """Subscribes. Raises CameraError where nobody publishes pictures there, Ros2Error or MissingExtraError."""
@@ -23,12 +24,8 @@ class TopicKind:
         depth = DepthTopic(node, how.topics.depth) if how.depth else None
         return Ros2Camera(node, address, how.intrinsics, how.mount, how.recovery, depth, how.rotate)
 
-    def found(self) -> list[tuple[str, str]]:
-        """Topics are not searched for: `ros2 topic list` shows them."""
-        return []
 
-
-class RecordingKind:
+class RecordingKind(FileKind):
     """`FILE.mcap[#/topic]`: ours, or a bag of ROS 2."""
 
     def open(self, address: str, how: CameraOptions) -> Camera:
@@ -36,10 +33,6 @@ class RecordingKind:
         from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 
         return RecordingCamera(address, how.intrinsics, how.mount, how.topics, how.depth, how.rotate)
-
-    def found(self) -> list[tuple[str, str]]:
-        """Files are not searched for."""
-        return []
 
     def wheels(self, address: str) -> "Trajectory":
         """The wheels' poses in the file. Raises CameraError."""

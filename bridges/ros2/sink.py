@@ -4,7 +4,7 @@ import math
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
@@ -12,18 +12,18 @@ from typing import Any
 
 from edgemap.bridges.ros2.dds.discovery import discovery_from
 from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, shared_node
-from edgemap.bridges.ros2.dds.sources import RobotOdom
+from edgemap.bridges.ros2.dds.tf_poses import TfTrack
 from edgemap.bridges.ros2.dds.types import in_namespace
 from edgemap.bridges.ros2.messages import build, topics
 from edgemap.bridges.ros2.messages.definitions import RosClock, to_ns
 from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics, label_info
 from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
+from edgemap.bridges.ros2.messages.tf_chain import TfFrames
 from edgemap.bridges.ros2.messages.topics import FrameIds
-from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import Ros2Error, UsageError
+from edgemap.runtime.frames.errors import OdometryError, Ros2Error, UsageError
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.option_texts import words_of
@@ -41,7 +41,6 @@ PICTURES = (topics.PICTURES, topics.INFO)
 LATCHED = (topics.TF_STATIC, topics.OBJECTS, topics.MARKERS, topics.GRID, topics.MAP, topics.LABELS)
 INITIAL_POSE = "/initialpose"  # RViz's 2D Pose Estimate, as AMCL takes it
 SMALLEST_SIGMAS = (0.01, 0.01, 0.005)  # m, m, rad: a covariance of zeros would be a certainty that nobody has
-DEPTHS = {topics.TF: 100, topics.PICTURES: 5, topics.INFO: 5} | dict.fromkeys(LATCHED[1:], 1)
 NAMESPACE = "edgemap"  # a robot of its own name has its own /map
 
 
@@ -63,7 +62,8 @@ class Ros2Options:
     @classmethod
     def of(cls, text: str) -> "Ros2Options":
         """The options in the text of `--ros2`. Raises UsageError."""
-        switches, frames = ("pictures", "reliable", "odom_tf"), [field.name for field in fields(FrameIds)]
+        switches = {"pictures": "no", "reliable": "yes", "odom_tf": "yes"}
+        frames = [field.name for field in fields(FrameIds)]
         words = words_of(text, "--ros2", {"namespace", *switches, *frames})
         if wrong := [f"{name}={words[name]}" for name in switches if words.get(name, "yes") not in ("yes", "no")]:
             raise UsageError(f"--ros2 {wrong[0]}: expected yes or no")
@@ -71,9 +71,13 @@ class Ros2Options:
         names = [getattr(ids, name) for name in frames]
         if len(set(names)) != len(names):
             raise UsageError(f"--ros2 {text}: frames {', '.join(names)} must be different")
-        on = {name: words.get(name, usual) == "yes" for name, usual in (("pictures", "no"), ("reliable", "yes"))}
-        odom_tf = words.get("odom_tf", "yes") == "yes"
-        return cls(words.get("namespace", NAMESPACE), ids, on["pictures"], not on["reliable"], odom_tf)
+        pictures, reliable, odom_tf = (words.get(name, usual) == "yes" for name, usual in switches.items())
+        return cls(words.get("namespace", NAMESPACE), ids, pictures, not reliable, odom_tf)
+
+    @property
+    def published(self) -> tuple[str, ...]:
+        """The topics, without the namespace."""
+        return PUBLISHED + PICTURES * self.pictures
 
     def topic(self, topic: str) -> str:
         """Its name with the namespace."""
@@ -90,47 +94,37 @@ class Ros2Options:
 
 
 class Ros2Sink(Sink):
-    """Publishes every step; messages without readers are not built, except latched ones. offset_s: from the
-    stamps to ROS time, where it is known. edit: takes the poses that come on /initialpose, in the map's frame."""
+    """Publishes every step; messages without readers are not built, except latched ones. The run's edits take the poses
+    that come on /initialpose, in the map's frame."""
 
     name = "ROS 2"
 
-    def __init__(
-        self,
-        node: Node,
-        camera: FloorCamera,
-        options: Ros2Options,
-        offset_s: Callable[[], float] | None = None,
-        edit: Callable[[Edit], Future[str]] | None = None,
-        run: RunInfo | None = None,
-    ) -> None:
+    def __init__(self, node: Node, run: RunInfo, options: Ros2Options) -> None:
         self._options, self._run = options, run
-        self._diagnostics = RunDiagnostics(options.namespace.strip("/") or NAMESPACE, run.robot if run else "")
+        self._diagnostics = RunDiagnostics(options.namespace.strip("/") or NAMESPACE, run.robot)
         self._diagnosed_s = -math.inf
-        self._robot_odom = None if options.odom_tf else RobotOdom(node, options.frames)
-        self._stream = MessageStream(
-            camera.intrinsics, camera.mount, options.frames, static_mount=True, robot_odom=self._robot_odom
-        )
-        self._publishers = {topic: self._publisher(node, topic) for topic in PUBLISHED + PICTURES * options.pictures}
-        self._edit = edit
+        ids, self._offset_s = options.frames, 0.0  # from stamps of the stream to ROS time
+        frames = TfFrames(f"{ids.odom},{ids.base}", "--ros2 odom_tf=no")
+        self._robot_odom = None if options.odom_tf else TfTrack(node, frames, lambda: self._offset_s)
+        odom = self._robot_odom and self._odom_of_robot
+        self._stream = MessageStream(run.floor.intrinsics, run.floor.mount, ids, static_mount=True, robot_odom=odom)
+        self._publishers = {topic: self._publisher(node, topic) for topic in options.published}
         self._asked: Future[str] | None = None  # the newest pose, until it is taken or refused
         self._goals: deque[SE2] = deque(maxlen=8)
         self._goal = node.publisher(topics.GOAL, topics.KINDS[topics.GOAL])
-        self._initial_pose = edit and node.subscription(INITIAL_POSE, topics.KINDS[topics.POSE])
-        self._clock = RosClock(offset_s)
-        if run is not None:
-            info = label_info(time.time_ns(), run.classes, run.threshold, options.frames.optical)
-            self._publishers[topics.LABELS].write(info)
+        self._initial_pose = node.subscription(INITIAL_POSE, topics.KINDS[topics.POSE])
+        by_ros = run.camera.info.name.startswith("ros2:")
+        self._clock = RosClock((lambda: -run.camera.clock_offset_s) if by_ros else None)
+        info = label_info(time.time_ns(), run.classes, run.threshold, options.frames.optical)
+        self._publishers[topics.LABELS].write(info)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Publish one step, and apply a pose that a person has set. Raises Ros2Error."""
         self._take_pose()
         while self._goals:
             self._goal.write(build.goal_pose(self._goals.popleft(), self._options.frames.map, time.time_ns()))
-        offset_s = self._clock.offset_s(result.frame.stamp_s, sum(result.stages_ms.values()) / 1e3)
-        if self._robot_odom is not None:
-            self._robot_odom.offset_s = offset_s
-        stamp_ns = to_ns(result.frame.stamp_s + offset_s)
+        self._offset_s = self._clock.offset_s(result.frame.stamp_s, sum(result.stages_ms.values()) / 1e3)
+        stamp_ns = to_ns(result.frame.stamp_s + self._offset_s)
         self._send(self._stream.step(result, objects, stamp_ns))
         self._diagnostics.step(result)
         if time.monotonic() - self._diagnosed_s >= EVERY_S:  # as diagnostic_updater
@@ -158,22 +152,25 @@ class Ros2Sink(Sink):
 
     def _diagnose(self) -> None:
         self._diagnosed_s, publisher = time.monotonic(), self._publishers.get(topics.DIAGNOSTICS)
-        if self._run is None or publisher is None or not publisher.wanted:
-            return
-        state, verdict = self._run.camera.state, self._run.verdict()
-        publisher.write(self._diagnostics.message(time.time_ns(), state, verdict, self._diagnosed_s))
+        if publisher is not None and publisher.wanted:
+            state, verdict = self._run.camera.state, self._run.verdict()
+            publisher.write(self._diagnostics.message(time.time_ns(), state, verdict, self._diagnosed_s))
 
     def send_goal(self, pose_map_base: SE2) -> None:
         """Publish a goal for the robot's base with the next step; from any thread."""
         self._goals.append(pose_map_base)
 
+    def _odom_of_robot(self, stamp_s: float) -> SE2 | None:
+        """odom -> base by the robot's tf at a stamp; None where that has none."""
+        with suppress(OdometryError):
+            return self._robot_odom and self._robot_odom.at(stamp_s)
+        return None
+
     def _take_pose(self) -> None:
-        if self._initial_pose is None or self._edit is None:
-            return
         with suppress(Ros2Error):  # a damaged message of somebody else's
             message = self._initial_pose.newest()
             if message is not None and message.header.frame_id.lstrip("/") == self._options.frames.map:
-                self._asked = self._edit(pose_edit(message))
+                self._asked = self._run.edits.submit(pose_edit(message))
 
     def close(self) -> None:
         """Unpublish; may be called twice."""
@@ -181,7 +178,8 @@ class Ros2Sink(Sink):
 
     def _publisher(self, node: Node, topic: str) -> Publisher:
         name = self._options.topic(topic)
-        return node.publisher(name, topics.KINDS[topic], self._options.reliability(topic), DEPTHS.get(topic, 10))
+        depth = 1 if topic in LATCHED[1:] else 100 if topic == topics.TF else 10
+        return node.publisher(name, topics.KINDS[topic], self._options.reliability(topic), depth)
 
 
 def pose_edit(message: Any) -> Edit:
@@ -199,9 +197,7 @@ def pose_edit(message: Any) -> Edit:
 
 def open(address: str, run: RunInfo) -> Ros2Sink:
     """The sink of `--ros2 NAME=VALUE,…`. Raises UsageError, Ros2Error or MissingExtraError."""
-    by_ros = run.camera.info.name.startswith("ros2:")
-    offset_s = (lambda: -run.camera.clock_offset_s) if by_ros else None
     options, node = Ros2Options.of(address), shared_node()
-    names = [options.topic(topic) for topic in PUBLISHED + PICTURES * options.pictures]
-    print_message(f"ROS 2: {discovery_from(os.environ)}; topics {', '.join(names)}")
-    return Ros2Sink(node, run.floor, options, offset_s, run.edits.submit, run)
+    names = ", ".join(map(options.topic, options.published))
+    print_message(f"ROS 2: {discovery_from(os.environ)}; topics {names}")
+    return Ros2Sink(node, run, options)

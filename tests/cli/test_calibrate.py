@@ -9,7 +9,6 @@ import yaml
 from support.depth_room import depth_room
 from support.scenes import floor_board, held_board
 
-from edgemap.cli import main
 from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -97,15 +96,6 @@ def test_mount_of_a_drive_with_depth(edgemap, tmp_path):
     assert np.degrees(found.mount.roll_rad) == pytest.approx(1.5, abs=0.1)
     assert found.calibration["mount"]["method"] == "floor in depth pictures"
     assert found.depth.intrinsics == LENS
-
-
-def test_a_long_search_for_the_board_prints_how_far_it_is(pictures, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("edgemap.cli.calibrate_options.SEARCH_LINE_S", 0.0)
-    with pytest.raises(SystemExit):
-        main(["calibrate", "intrinsics", "--camera", str(pictures), "-o", str(tmp_path / "new.yaml")])
-    lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == "0 different views of the board so far; Ctrl-C ends the search"
-    assert lines[-1].startswith("edgemap calibrate intrinsics: 0 different views of the complete board found")
 
 
 def test_mount_takes_the_wheels_of_the_topic_that_is_named(edgemap, tmp_path):

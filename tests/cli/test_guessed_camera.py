@@ -23,8 +23,11 @@ from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.motion.camera_guess import CameraGuess
 
 
-def test_pictures_without_camera_yaml_are_mapped_by_a_guess(edgemap, painted_bundle, pictures, tmp_path):
-    """What the run suggests runs as it stands, in a folder with spaces too."""
+def test_pictures_without_camera_yaml_are_mapped_by_a_guess_that_asks_for_the_height_alone(
+    edgemap, painted_bundle, pictures, tmp_path
+):
+    """The commands that it prints run as they stand, in a folder with spaces too, and with another height. Lens and
+    pitch remain guesses, so no map is called good."""
     (pictures / "camera.yaml").unlink()
     out, run = tmp_path / "first floor", ("run", "--camera", pictures, "--bundle", painted_bundle)
     done = edgemap.ok(*run, "--out", out)
@@ -32,20 +35,35 @@ def test_pictures_without_camera_yaml_are_mapped_by_a_guess(edgemap, painted_bun
     asked = lines.index(next(line for line in lines if "does not say its lens and mount: guessing" in line))
     assert lines[asked + 1] == "guessed from 12 pictures:"
     assert "focal length 51 +- 22 % px (usual field of view)" in done.stdout  # 0.8 of 64 px
-    assert "map: good" not in done.stdout  # never of a guess
     record = json.loads((out / "run.json").read_text())
     assert record["camera_guess"]["focal_sigma_share"] == 0.22
     assert any("guessed" in reason for reason in record["verdict"]["reasons"])
     kept = read_camera_yaml(out / "camera.yaml")
     assert abs(kept.mount.height_m - record["mount"]["height_m"]) < 1e-6
+
+    def printed(start):
+        (line,) = (line for line in lines if line.startswith(start))
+        return shlex.split(line.replace(" HEIGHT_M", " 0.83"))[1:]
+
     (why,) = (line.partition("see ")[2] for line in lines if "see edgemap why" in line)
     assert edgemap(*shlex.split(why)[1:]).returncode == 0
+    edgemap.ok(*printed("  edgemap map scale "))
+    assert (tmp_path / "first floor-scaled" / "map.json").is_file()
     (more,) = (line.partition("the next run: ")[2][:-1] for line in lines if "the next run: -" in line)
-    assert shlex.split(more) == ["--camera-file", str(out / "camera.yaml")]
     again = edgemap.ok(*run, *shlex.split(more), "--out", tmp_path / "again")
-    assert "guessed from" not in again.stdout  # not once more, and still a guess:
-    assert "map: good" not in again.stdout
-    assert json.loads((tmp_path / "again" / "run.json").read_text())["camera_guess"]["height_sigma_share"] > 0.0
+    assert "guessed from" not in again.stdout  # not once more, and still a guess
+    command = printed("  edgemap run ")
+    assert command[-2:] == ["--mount", "0.83"]  # no guess looks like a measurement
+    measured = edgemap.ok(*command, "--bundle", painted_bundle, "--out", tmp_path / "measured")
+    assert "  edgemap run " not in measured.stdout
+    assert "height 0.83 m guessed" not in measured.stdout
+    records = [json.loads((tmp_path / name / "run.json").read_text()) for name in ("again", "measured")]
+    assert [one["verdict"]["level"] == "good" for one in (record, *records)] == [False] * 3
+    guesses = [one["camera_guess"] for one in records]
+    assert guesses[1]["height_sigma_share"] == 0.0 < guesses[0]["height_sigma_share"]
+    assert guesses[1]["focal_sigma_share"] == record["camera_guess"]["focal_sigma_share"]
+    assert records[1]["mount"]["height_m"] == 0.83
+    assert read_camera_yaml(tmp_path / "measured" / "camera.yaml").mount.height_m == 0.83
 
 
 def test_a_run_that_does_not_reach_its_end_keeps_its_guess(edgemap, painted_bundle, pictures, tmp_path):
@@ -60,29 +78,6 @@ def test_a_run_that_does_not_reach_its_end_keeps_its_guess(edgemap, painted_bund
     assert 0 < record["frames"] < 12
     kept = read_camera_yaml(tmp_path / "run" / "camera.yaml")
     assert abs(kept.mount.height_m - record["mount"]["height_m"]) < 1e-6
-
-
-def test_a_run_by_a_guess_asks_for_the_height_alone(edgemap, painted_bundle, pictures, tmp_path):
-    """The commands that it prints run as they stand, with another height too. Lens and pitch remain guesses, so the
-    map is not called good."""
-    (pictures / "camera.yaml").unlink()
-    first = edgemap.ok("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
-    (scale,) = (line for line in first.stdout.splitlines() if line.startswith("  edgemap map scale "))
-    edgemap.ok(*shlex.split(scale.replace("HEIGHT_M", "0.83"))[1:])
-    assert (tmp_path / "run-scaled" / "map.json").is_file()
-    (line,) = (line for line in first.stdout.splitlines() if line.startswith("  edgemap run "))
-    *command, height = shlex.split(line)[1:]
-    assert (command[-1], height) == ("--mount", "HEIGHT_M")  # no guess looks like a measurement
-    second = edgemap.ok(*command, "0.83", "--bundle", painted_bundle, "--out", tmp_path / "again")
-    assert "  edgemap run " not in second.stdout
-    assert "height 0.83 m guessed" not in second.stdout
-    before, after = (json.loads((tmp_path / name / "run.json").read_text()) for name in ("run", "again"))
-    assert after["mount"]["height_m"] == 0.83
-    assert after["camera_guess"]["height_sigma_share"] == 0.0
-    assert after["camera_guess"]["focal_sigma_share"] == before["camera_guess"]["focal_sigma_share"]
-    assert after["verdict"]["level"] != "good"
-    kept = read_camera_yaml(tmp_path / "again" / "camera.yaml").mount
-    assert kept.height_m == 0.83
 
 
 def test_a_recording_of_a_run_by_a_guess_is_one_still(edgemap, painted_bundle, pictures, tmp_path):

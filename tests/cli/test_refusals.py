@@ -161,6 +161,8 @@ REFUSED = [
     ("calibrate mount --camera plain --camera-file lens.yaml --height 1 -o out.yaml", 1, "0 pictures"),
     ("calibrate tilt --camera plain --camera-file lens.yaml -o out.yaml", 2, "height"),
     ("calibrate tilt --camera plain --camera-file lens.yaml --height 1 -o out.yaml", 1, "0 pictures"),
+    ("calibrate mount --camera plain --camera-file lens.yaml --height 0 -o out.yaml", 2, "--height 0:"),
+    ("calibrate tilt --camera plain --camera-file lens.yaml --height 0 -o out.yaml", 2, "--height 0:"),
     ("calibrate tilt --camera demo -o lens.yaml", 2, "exists"),
     ("simulate --frames 0 -o out", 2, "--frames 0"),
     ("simulate --seed -3 -o out", 2, "--seed -3"),

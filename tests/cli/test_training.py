@@ -179,14 +179,6 @@ def test_a_trained_bundle_is_judged_and_a_checkpoint_is_a_detector_itself(edgema
         main(["export", str(place / "flat/trained/best.pt"), "--backbone", "yolov3", "-o", str(tmp_path / "x")])
     assert ended.value.code == 2
     assert "is a detector itself" in capsys.readouterr().err
-    train = (
-        "train",
-        "detector",
-        "--data",
-        f"yolo:{squares}",
-        "--validation",
-        f"yolo:{squares}",
-        "-o",
-        tmp_path / "none",
-    )
+    data = f"yolo:{squares}"
+    train = ("train", "detector", "--data", data, "--validation", data, "-o", tmp_path / "none")
     assert "last.pt: no such checkpoint" in one_line(edgemap(*train, "--resume"))

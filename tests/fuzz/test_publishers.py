@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from support.broker import MISSING, Broker
 from support.fuzzed_room import fuzz
 from support.recordings import LENS, MOUNT, noise
-from support.results import POSES, results
+from support.results import POSES, results, run_info
 from support.steps import Steps
 
 from edgemap.bridges.ros2.messages.definitions import decoder, encoder
@@ -102,7 +102,7 @@ def test_a_broker_keeps_every_object(tmp_path):
     from edgemap.bridges.mqtt.sink import MqttPublisher, topic_level
 
     broker = Broker(tmp_path)
-    with closing(MqttPublisher("127.0.0.1", broker.port, "robo/+#")) as sink:
+    with closing(MqttPublisher("127.0.0.1", broker.port, run_info("robo/+#"))) as sink:
 
         @settings(few, max_examples=6)
         @given(maps())

@@ -12,7 +12,7 @@ from support.faults import kinds, texts
 from support.recordings import FACTS, drain
 from support.steps import Listener, Steps
 
-from edgemap.bridges.ros2.recordings.recorder import Recorder, RecordingSink
+from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -95,7 +95,7 @@ def test_an_unknown_failure_keeps_its_traceback_in_the_log(caplog):
 @pytest.mark.parametrize("small_disk", [RECORDING_KIB], indirect=True)
 def test_a_recording_goes_on_in_the_same_file_once_the_disk_has_room(small_disk):
     path, listener, steps = small_disk / "a.mcap", Listener(), Steps(64, 48)
-    sinks = SinkGroup([RecordingSink(lambda: Recorder(path, FACTS, lossless=True)), listener])
+    sinks = SinkGroup([Recorder(path, FACTS, lossless=True), listener])
     steps.into(sinks, 60)
     hog = fill(small_disk)
     steps.into(sinks, 120)
@@ -116,7 +116,7 @@ def test_a_recording_goes_on_in_the_same_file_once_the_disk_has_room(small_disk)
 @pytest.mark.parametrize("small_disk", [RECORDING_KIB], indirect=True)
 def test_a_recording_whose_end_the_disk_does_not_take_is_good_up_to_its_last_chunk(small_disk):
     path, steps = small_disk / "a.mcap", Steps(64, 48)
-    sinks = SinkGroup([RecordingSink(lambda: Recorder(path, FACTS, lossless=True))])
+    sinks = SinkGroup([Recorder(path, FACTS, lossless=True)])
     steps.into(sinks, 100)
     fill(small_disk)
     steps.into(sinks, 100)
@@ -125,21 +125,6 @@ def test_a_recording_whose_end_the_disk_does_not_take_is_good_up_to_its_last_chu
     assert caught.value.exit_code == 4
     with open_camera(str(path)) as camera:
         assert camera.read() is not None
-
-
-def test_a_recording_begins_again_where_its_folder_vanished_and_is_back(tmp_path):
-    path, listener, steps = tmp_path / "stick" / "a.mcap", Listener(), Steps(64, 48)
-    sinks = SinkGroup([RecordingSink(lambda: Recorder(path, FACTS, lossless=True)), listener])
-    steps.into(sinks, 20)
-    shutil.rmtree(path.parent)
-    steps.into(sinks, 100)
-    assert "cannot be written (No such file or directory)" in listener.faults[0].text
-    path.parent.mkdir()
-    steps.into(sinks, 20)
-    sinks.close()
-    assert kinds(listener.faults) == ["output", "output_restored"]
-    with open_camera(str(path)) as camera:
-        assert [frame.stamp_s for frame in drain(camera)] == pytest.approx([0.1 * i for i in range(120, 140)])
 
 
 def told_beside(folder):

@@ -1,6 +1,9 @@
 """Results of steps as sinks get them, made by hand: one box at the feet of a chair, and that chair on the map."""
 
 from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from support.recordings import LENS, MOUNT
@@ -10,8 +13,12 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import CameraState
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.outputs.sinks.kinds import RunInfo
+from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
@@ -22,6 +29,13 @@ CHAIR = MapObject(
 POSES = [SE2(0.1 * i, 0.02 * i, 0.05 * i) for i in range(12)]
 OFF = SE2(0.4, -0.3, 0.2)  # what loop closure took back
 COVARIANCE = np.array([[0.01, 0.001, 0.0], [0.001, 0.02, 0.002], [0.0, 0.002, 0.03]])
+
+
+def run_info(robot: str = "robo", folder: Path = Path(), **more: Any) -> RunInfo:
+    """The run of a sink, whose camera stamps by ROS time. The camera's state may be set."""
+    info = SimpleNamespace(name="ros2:/made")
+    camera: Any = SimpleNamespace(state=CameraState.RUNNING, info=info, clock_offset_s=0.0)
+    return RunInfo(folder, camera, FloorCamera(LENS, MOUNT), Edits(), Inference(), robot=robot, **more)
 
 
 def results(frames: list[Frame], poses: list[SE2]) -> Iterator[StepResult]:

@@ -2,6 +2,7 @@
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -17,7 +18,7 @@ from edgemap.runtime.frames.faults import Fault, read_fault
 from edgemap.runtime.frames.timing import percentiles
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.outputs.verdict.causes import cause_of
-from edgemap.runtime.outputs.verdict.verdict import TITLES, verdict_or_none
+from edgemap.runtime.outputs.verdict.verdict import TITLES, Verdict, verdict_or_none
 from edgemap.view.answers import floor_answer, map_object_answer, rooms_answer, zones_answer
 from edgemap.view.report.crops import Crop
 from edgemap.view.report.history import History
@@ -52,15 +53,15 @@ def report_document(content: ReportContent) -> dict[str, Any]:
     objects = sorted(content.objects, key=lambda item: -item.count)[:MAXIMUM_OBJECTS]
     labels = {item.label for item in objects} | {row.label for row in content.rows}
     marks = {label: asdict(label_mark(label)) for label in labels}
-    trail = content.history.trail()
+    trail, verdict = content.history.trail(), verdict_or_none(content.record, list(content.objects))
     return {
         "about": content.about | {"live": False, "marks": content.about["marks"] | marks},
-        "update": _update(content, objects, trail),
+        "update": _update(content, objects, trail, verdict),
         "pictures": {name: data_uri(crop.jpeg) for name, crop in content.crops.items()},
         "run": _figures(content)
         | _times(content)
         | {
-            "verdict": _verdict(content),
+            "verdict": verdict and _reasons(verdict),
             "replay": _replay(content.history),
             "truth": _truth(content, trail),
             "mount": data_uri(content.mount_jpeg) if content.mount_jpeg else "",
@@ -69,9 +70,10 @@ def report_document(content: ReportContent) -> dict[str, Any]:
     }
 
 
-def _update(content: ReportContent, objects: Sequence[MapObject], trail: list[tuple[float, ...]]) -> dict[str, Any]:
+def _update(
+    content: ReportContent, objects: Sequence[MapObject], trail: list[tuple[float, ...]], verdict: Verdict | None
+) -> dict[str, Any]:
     """The one update that shows the finished run."""
-    verdict = verdict_or_none(content.record, list(content.objects))
     headline = verdict.line.capitalize() if verdict else "The map that the run saved"
     dock, last = content.annotations.dock, content.history.last
     update: dict[str, Any] = {
@@ -109,11 +111,8 @@ def _fault(fault: Fault) -> dict[str, str]:
     return {"kind": fault.kind, "text": fault.line, "remedy": cause.remedy if cause else ""}
 
 
-def _verdict(content: ReportContent) -> dict[str, Any] | None:
+def _reasons(verdict: Verdict) -> dict[str, Any]:
     """How far the map can be trusted, why, and what to do."""
-    verdict = verdict_or_none(content.record, list(content.objects))
-    if verdict is None:
-        return None
     reasons = [{"text": finding.text, "remedy": finding.cause.remedy} for finding in verdict.findings]
     return {"level": verdict.level, "title": TITLES[verdict.level], "reasons": reasons}
 
@@ -167,8 +166,11 @@ def _times(content: ReportContent) -> dict[str, Any]:
 def _truth(content: ReportContent, trail: list[tuple[float, ...]]) -> dict[str, Any] | None:
     """The true trajectory and the position errors along it, empty unless the truth covers all of it; the evaluation of
     the objects. None without truth."""
-    rows = content.rows
-    path = _true_path(content.truth, [sample[2] for sample in trail])
+    rows, path = content.rows, list[tuple[float, float]]()
+    if content.truth:
+        with suppress(OdometryError):
+            poses = [content.truth.at(stamp_s) for _, _, stamp_s, _ in trail]
+            path = [(round(pose.x_m, 3), round(pose.y_m, 3)) for pose in poses]
     if not path and not rows:
         return None
     errors = [float(np.hypot(x - tx, y - ty)) for (x, y, *_), (tx, ty) in zip(trail, path, strict=False)]
@@ -180,14 +182,6 @@ def _truth(content: ReportContent, trail: list[tuple[float, ...]]) -> dict[str, 
         "tally": tally(rows) if rows else "",
         "median_error_m": float(np.median(matched)) if matched else None,
     }
-
-
-def _true_path(truth: Trajectory | None, stamps_s: Sequence[float]) -> list[tuple[float, float]]:
-    try:
-        poses = [truth.at(stamp_s) for stamp_s in stamps_s] if truth else []
-    except OdometryError:
-        return []
-    return [(round(pose.x_m, 3), round(pose.y_m, 3)) for pose in poses]
 
 
 def data_uri(jpeg: bytes) -> str:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -97,9 +98,6 @@ class ReportFile(Sink):
 
     def _mount(self) -> bytes | None:
         """mount.jpg, small."""
-        path = self._folder / "mount.jpg"
-        try:
-            picture = read_picture(path)
-        except CameraError:
-            return None
-        return jpeg(small(picture, _MOUNT_PX), 72)
+        with suppress(CameraError):
+            return jpeg(small(read_picture(self._folder / "mount.jpg"), _MOUNT_PX), 72)
+        return None

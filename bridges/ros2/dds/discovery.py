@@ -10,9 +10,6 @@ from dataclasses import dataclass
 
 from edgemap.runtime.frames.errors import Ros2Error
 
-LAST_DOMAIN = 232  # higher domains would need ports above the maximum
-PARTICIPANTS = 32  # maximum number on one machine; they are discovered by port
-LOOK_EVERY = "1s"  # older ROS 2 versions announce themselves by multicast only, which the loopback interface lacks
 RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 UNSET = "this machine"
 
@@ -42,9 +39,11 @@ class Discovery:
         peers = (*self.peers, *(("localhost",) if self.range != "OFF" else ()))
         listed = "".join(f'<Peer address="{peer}"/>' for peer in peers)
         general = f"{interface}<AllowMulticast>{multicast}</AllowMulticast>{hops}"
+        # Participants of one machine are found by port, at most 32; they are looked for every second, as older ROS 2
+        # versions announce themselves by multicast only, which the loopback interface lacks.
         discovery = (
-            f"<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{PARTICIPANTS}</MaxAutoParticipantIndex>"
-            f"<SPDPInterval>{LOOK_EVERY}</SPDPInterval><Peers>{listed}</Peers>"
+            "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
+            f"<SPDPInterval>1s</SPDPInterval><Peers>{listed}</Peers>"
         )
         ours = (
             f"<CycloneDDS><Domain><General>{general}</General><Discovery>{discovery}</Discovery></Domain></CycloneDDS>"
@@ -55,8 +54,8 @@ class Discovery:
 def discovery_from(environment: Mapping[str, str]) -> Discovery:
     """Reads ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE and ROS_STATIC_PEERS. Raises Ros2Error."""
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not text.isdecimal() or int(text) > LAST_DOMAIN:
-        raise Ros2Error(f"ROS_DOMAIN_ID={text}: a whole number from 0 to {LAST_DOMAIN}")
+    if not text.isdecimal() or int(text) > 232:  # higher domains would need ports above the maximum
+        raise Ros2Error(f"ROS_DOMAIN_ID={text}: a whole number from 0 to 232")
     local = environment.get("ROS_LOCALHOST_ONLY", "").strip()
     asked = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").strip().upper()
     if asked and asked not in RANGES:

@@ -25,14 +25,13 @@ class Reliability(StrEnum):
 
 
 class Publisher:
-    """Publishes one topic. `dropped`: number of messages dropped because readers were too slow."""
+    """Publishes one topic."""
 
     def __init__(self, participant: Any, topic: str, kind: str, reliability: Reliability, depth: int) -> None:
         from cyclonedds.core import Listener
         from cyclonedds.pub import DataWriter
 
         self.latched = reliability is Reliability.LATCHED
-        self.dropped = 0
         self._kind = kind
         self._encode = encoder(kind)
         self._sample = sample_type(kind)
@@ -49,7 +48,7 @@ class Publisher:
         return self.latched or self._readers[0] > 0
 
     def write(self, message: Message) -> None:
-        """Publishes a message. A message that slow readers cannot accept is dropped and counted. Raises Ros2Error."""
+        """Publishes a message. A message that slow readers cannot accept is dropped. Raises Ros2Error."""
         from cyclonedds.core import DDSException
 
         try:
@@ -57,7 +56,6 @@ class Publisher:
         except DDSException as error:
             if error.code != DDSException.DDS_RETCODE_TIMEOUT:
                 raise Ros2Error(f"ROS 2: {self._kind} cannot be published ({error.msg})") from None
-            self.dropped += 1
 
 
 class Subscription:

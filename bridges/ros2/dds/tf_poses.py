@@ -53,14 +53,14 @@ class TfTrack(TopicTrack):
         """See the class."""
         return self._links[self._chain[0]] if len(self._chain) > 1 else np.eye(4)
 
-    def join(self, wait_s: float = WAIT_S) -> None:
+    def join(self) -> None:
         """Waits for the frames and a first pose. Raises CameraError where there is none in time."""
-        until_s = time.monotonic() + wait_s
+        until_s = time.monotonic() + WAIT_S
         while not self._stamps:
             self._take()
             if time.monotonic() > until_s:
                 self._frames.chain(self._parents)
-                raise CameraError(f"{TF}: no pose of {self._chain[-1]} within {wait_s:.0f} s")
+                raise CameraError(f"{TF}: no pose of {self._chain[-1]} within {WAIT_S:.0f} s")
             self._messages.wait(0.05)
 
     def push(self, stamp_s: float, pose: SE2) -> None:

@@ -5,7 +5,6 @@ turn axis) -> camera_optical_frame.
 """
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,6 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.slam import StepResult
-
-NOT_MOVED = 1e-9  # variance of what a floor-bound robot does not do: z, roll, pitch
 
 
 def header(stamp_ns: int, frame_id: str) -> Message:
@@ -66,19 +63,15 @@ def imu(stamp_ns: int, gyro_rad_s: list[float], accel_m_s2: list[float]) -> Mess
 
 def mount_transform(stamp_ns: int, mount: Mount, ids: FrameIds = IDS) -> Message:
     """`geometry_msgs/TransformStamped` base_link -> camera_optical_frame."""
-    return _transform(stamp_ns, ids.base, ids.optical, mount.position_base_m().tolist(), _rotation_base_optical(mount))
-
-
-@lru_cache(maxsize=8)
-def _rotation_base_optical(mount: Mount) -> tuple[float, float, float, float]:
-    x, y, z, w = Rotation.from_matrix(mount.rotation_base_optical()).as_quat().tolist()
-    return x, y, z, w
+    turned = Rotation.from_matrix(mount.rotation_base_optical()).as_quat().tolist()
+    place_m = mount.position_base_m().tolist()
+    return _transform(stamp_ns, ids.base, ids.optical, place_m, dict(zip("xyzw", turned, strict=True)))
 
 
 def planar_transform(stamp_ns: int, parent: str, child: str, pose_parent_child: SE2) -> Message:
     """`geometry_msgs/TransformStamped` on the floor."""
     place = [pose_parent_child.x_m, pose_parent_child.y_m, 0.0]
-    return _transform(stamp_ns, parent, child, place, _about_z(pose_parent_child.yaw_rad))
+    return _transform(stamp_ns, parent, child, place, orientation(pose_parent_child.yaw_rad))
 
 
 def pose(stamp_ns: int, result: StepResult, ids: FrameIds = IDS) -> Message:
@@ -156,29 +149,21 @@ def _pose(pose: SE2) -> Message:
 
 def orientation(yaw_rad: float) -> Message:
     """`geometry_msgs/Quaternion` about z."""
-    return dict(zip("xyzw", _about_z(yaw_rad), strict=True))
-
-
-def _about_z(yaw_rad: float) -> tuple[float, float, float, float]:
-    return 0.0, 0.0, math.sin(yaw_rad / 2.0), math.cos(yaw_rad / 2.0)
+    return {"x": 0.0, "y": 0.0, "z": math.sin(yaw_rad / 2.0), "w": math.cos(yaw_rad / 2.0)}
 
 
 def _covariance(planar: NDArray[np.float64] | None) -> list[float]:
     """ROS's 6x6 over (x, y, z, roll, pitch, yaw), row by row; all zeros mean unknown."""
     if planar is None:
         return [0.0] * 36
-    full = np.eye(6) * NOT_MOVED
+    full = 1e-9 * np.eye(6)  # a robot on the floor does not move in z, roll and pitch
     full[np.ix_([0, 1, 5], [0, 1, 5])] = planar
     return full.ravel().tolist()
 
 
-def _transform(
-    stamp_ns: int, parent: str, child: str, place_m: list[float], rotation: tuple[float, float, float, float]
-) -> Message:
-    x, y, z = place_m
-    qx, qy, qz, qw = rotation
+def _transform(stamp_ns: int, parent: str, child: str, place_m: list[float], rotation: Message) -> Message:
     return {
         "header": header(stamp_ns, parent),
         "child_frame_id": child,
-        "transform": {"translation": {"x": x, "y": y, "z": z}, "rotation": {"x": qx, "y": qy, "z": qz, "w": qw}},
+        "transform": {"translation": dict(zip("xyz", place_m, strict=True)), "rotation": rotation},
     }

@@ -14,9 +14,7 @@ from edgemap.runtime.frames.errors import RecordingError
 
 Message = dict[str, Any]  # a message by field name; fields that are left out are zero
 
-SEPARATOR = "=" * 80
-
-_SECTIONS = Path(__file__).with_name("definitions.txt").read_text().split("\nMSG: ")[1:]
+_, *_SECTIONS = Path(__file__).with_name("definitions.txt").read_text().split("\nMSG: ")
 FIELDS = {kind: fields.strip() for kind, _, fields in (section.partition("\n") for section in _SECTIONS)}
 DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError)  # what a decoder raises at damaged bytes
 
@@ -33,7 +31,7 @@ def definition(kind: str) -> str:
             if used not in needed:
                 needed.append(used)
     parts = [FIELDS[name] + "\n"]
-    parts += [f"{SEPARATOR}\nMSG: {used}\n{FIELDS[used]}\n" for used in needed[1:]]
+    parts += [f"{'=' * 80}\nMSG: {used}\n{FIELDS[used]}\n" for used in needed[1:]]
     return "".join(parts)
 
 
@@ -60,7 +58,6 @@ def decoder(kind: str) -> Callable[[bytes], Any]:
     return generate_dynamic(kind, definition(kind))[kind]
 
 
-LAST_SECOND = 2**31  # builtin_interfaces/Time counts in int32
 NEAR_S = 5.0  # of a clock, for a stamp to be of that clock
 CLOCK_SET_S = 0.1  # change of the wall clock against the monotonic one, from which on somebody has set it
 
@@ -71,8 +68,8 @@ def to_ns(stamp_s: float) -> int:
     `to_s` gives the very same float again for every stamp that is a whole number of nanoseconds, and for every one
     beyond 2^23 s, where floats are coarser than that.
     """
-    if not 0.0 <= stamp_s < LAST_SECOND:
-        raise RecordingError(f"stamp {stamp_s} s cannot be recorded: ROS 2 counts from 0 to {LAST_SECOND} s")
+    if not 0.0 <= stamp_s < 2**31:  # builtin_interfaces/Time counts in int32
+        raise RecordingError(f"stamp {stamp_s} s cannot be recorded: ROS 2 counts from 0 to {2**31} s")
     return round(Decimal(stamp_s) * 1_000_000_000)
 
 

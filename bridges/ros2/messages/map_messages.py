@@ -15,8 +15,8 @@ from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.outputs.map_formats.grid import FloorCells
 
-TALLEST_M, FLAT_M, LETTER_M, THIN_M = 2.5, 0.01, 0.15, 5e-4
-BEAM_RAD, NEAREST_M = math.radians(0.5), 0.05  # of the floor's scan
+TALLEST_M, FLAT_M, LETTER_M = 2.5, 0.01, 0.15
+BEAM_RAD = math.radians(0.5)  # of the floor's scan
 
 
 class Shape(IntEnum):
@@ -69,7 +69,7 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
         entries.append(common | name | {"ns": "names", "type": Shape.TEXT, "text": item.id, "color": white})
         ellipse = {
             "pose": {"position": _place(item, FLAT_M / 2.0), "orientation": orientation(yaw_rad)},
-            "scale": {"x": max(2.0 * long_m, THIN_M), "y": max(2.0 * short_m, THIN_M), "z": FLAT_M},
+            "scale": {"x": max(2.0 * long_m, FLAT_M), "y": max(2.0 * short_m, FLAT_M), "z": FLAT_M},
         }
         entries.append(common | ellipse | {"ns": "ellipses", "type": Shape.CYLINDER, "color": tint | {"a": 0.8}})
     return {"markers": entries}
@@ -120,7 +120,7 @@ def scan_message(stamp_ns: int, scan: FloorScan, ids: FrameIds = IDS) -> Message
         "angle_min": first * BEAM_RAD,
         "angle_max": last * BEAM_RAD,
         "angle_increment": BEAM_RAD,
-        "range_min": NEAREST_M,
+        "range_min": 0.05,
         "range_max": scan.rule.reach_m + 1.0,  # from the base, the lens may be ahead of it
         "ranges": nearest.tolist(),
         "intensities": weights.tolist(),

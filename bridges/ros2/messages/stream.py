@@ -23,7 +23,6 @@ from edgemap.runtime.frames.frame import Frame, jpeg, png
 from edgemap.runtime.outputs.map_formats.grid import live_grid
 from edgemap.runtime.step.slam import StepResult
 
-JPEG_QUALITY = 90
 MAP_EVERY = 10  # frames between two maps
 
 
@@ -137,4 +136,4 @@ class MessageStream:
 @lru_cache(maxsize=2)
 def encoded(frame: Frame, lossless: bool = False) -> bytes:
     """A frame's picture as JPEG or PNG, encoded once for all that send it. Raises RecordingError."""
-    return png(frame.image, quickly=True) if lossless else jpeg(frame.image, JPEG_QUALITY)
+    return png(frame.image, quickly=True) if lossless else jpeg(frame.image, 90)

@@ -13,7 +13,6 @@ from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE
 
 FARTHEST_M, FARTHEST_POSE_M = 1000.0, 1e6  # of two frames of one robot; of a pose in the world
-FRAMES = 10_000  # a tree with more is none
 
 
 class TfTree:
@@ -26,14 +25,8 @@ class TfTree:
     def add(self, message: Any) -> None:
         """Adds a decoded `tf2_msgs/TFMessage`."""
         for step in message.transforms:
-            if len(self._parents) < FRAMES:
-                child, parent = step.child_frame_id.lstrip("/"), step.header.frame_id.lstrip("/")
-                self._parents.setdefault(child, (parent, step.transform))
-
-    @property
-    def full(self) -> bool:
-        """Whether the tree accepts no further frame."""
-        return len(self._parents) >= FRAMES
+            child, parent = step.child_frame_id.lstrip("/"), step.header.frame_id.lstrip("/")
+            self._parents.setdefault(child, (parent, step.transform))
 
     def pose(self, parent: str, child: str) -> tuple[Array, Array] | None:
         """Rotation (3, 3) and position (3,) of a frame in another one; None where the tree does not connect them.
@@ -69,13 +62,8 @@ def transform_of(transform: Any, where: str) -> tuple[Array, Array]:
 
 def planar_pose(pose: Any, where: str) -> SE2:
     """A decoded `geometry_msgs/Pose` as a planar pose. where: for messages. Raises CameraError for an invalid pose."""
-    return planar(pose.position, pose.orientation, where)
-
-
-def planar(position: Any, orientation: Any, where: str) -> SE2:
-    """A position and a quaternion as a planar pose. Raises CameraError for an invalid pose."""
-    x, y, z, w = (getattr(orientation, axis) for axis in "xyzw")
-    norm, values = math.hypot(x, y, z, w), (position.x, position.y)
+    x, y, z, w = (getattr(pose.orientation, axis) for axis in "xyzw")
+    norm, values = math.hypot(x, y, z, w), (pose.position.x, pose.position.y)
     if not abs(norm - 1.0) < QUATERNION_TOLERANCE or not all(abs(value) <= FARTHEST_POSE_M for value in values):
         raise CameraError(f"{where}: no pose: position {values} m, quaternion of length {norm:.3f}")
     x, y, z, w = (value / norm for value in (x, y, z, w))

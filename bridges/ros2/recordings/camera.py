@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
-from itertools import islice
 from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import to_s
@@ -46,6 +45,7 @@ from edgemap.runtime.step.pose_journal import SAME_S
 
 INFO_KIND, TF_KIND = "sensor_msgs/CameraInfo", "tf2_msgs/TFMessage"
 USABLE = "colour", "infrared"  # kinds of pictures, the first that there is
+_Picture = tuple[int, int, Any, str]  # stamp in ns, its header's, picture, frame id
 
 
 class RecordingCamera(Camera):
@@ -78,7 +78,6 @@ class RecordingCamera(Camera):
         self._levels = Levels()
         self._notes: list[str] = []
         self._info_topic = self._imu_topic = ""
-        self._held: tuple[int, int, Any, str] | None = None  # a picture before which a fault was raised
         self._exact, self._unsearched = dict[int, float](), frozenset[int]()
         try:
             wanted = topics.depth if topics else None
@@ -91,9 +90,8 @@ class RecordingCamera(Camera):
             )
             if RECORD in recording.metadata:
                 self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
-            self._samples = recording.samples(self.topic)
-            self._ahead = self._first_complete()
-            _, _, image, frame_id = self._ahead
+            self._pictures, self._ahead = self._decoded(), list[_Picture | CameraFault]()
+            self._first_ns, _, image, frame_id = self._first_complete()
             if TF in recording.topics:
                 self.update_info(tf=self._tf)
             size, count = (image.shape[1], image.shape[0]), recording.topics[self.topic].count
@@ -104,16 +102,14 @@ class RecordingCamera(Camera):
         except EdgemapError:
             self.close()
             raise
-        # Lens and mount were looked up in the same file: begin the pictures again behind the first complete one.
-        self._samples = islice(recording.samples(self.topic), self._tried, None)
 
     def read(self) -> Frame | None:
         """The next picture; None at the end. Raises CameraError for damage, and at the end of a file cut off."""
         if not self._open:
             return None
-        if self._damaged:
-            raise self._damaged.pop(0)
-        decoded, self._ahead = self._ahead or self._decode(), None
+        decoded = self._ahead.pop(0) if self._ahead else next(self._pictures, None)
+        if isinstance(decoded, CameraFault):
+            raise decoded
         if decoded is None:
             if not self._recording.complete:
                 raise CameraError(f"{self._path}: cut off, the {self._delivered} complete pictures before it were read")
@@ -197,45 +193,33 @@ class RecordingCamera(Camera):
                  for title, some in (("taken", taken), ("not taken", left)) if some]  # fmt: skip
         return (*lines, *self._notes)
 
-    def _first_complete(self) -> tuple[int, int, Any, str]:
-        """The first picture that can be decoded; those before it are reported when the frames are read."""
-        self._damaged: list[CameraFault] = []
-        self._tried = 0
-        while True:
-            try:
-                found = self._decode()
-            except CameraFault as fault:
-                self._damaged.append(fault)
-                continue
-            if found is None:
-                break
-            return found
-        why = f", {len(self._damaged):,} damaged: {self._damaged[0]}" if self._damaged else ""
+    def _first_complete(self) -> _Picture:
+        """The first picture that can be decoded; what is wrong before it is raised when the frames are read."""
+        for found in self._pictures:
+            self._ahead.append(found)
+            if not isinstance(found, CameraFault):
+                return found
+        why = f", {len(self._ahead):,} damaged: {self._ahead[0]}" if self._ahead else ""
         raise CameraError(f"{self._path}: {self.topic} has no complete picture{why}")
 
-    def _decode(self) -> tuple[int, int, Any, str] | None:
-        """Stamp in ns, its header's, picture, frame id of the next message. Raises CameraFault for a dropped one, and
-        where the clock was set, before the picture."""
-        found, self._held = self._held or next(self._samples, None), None
-        if found is None:
-            return None
-        stamp_ns, own_ns, message, fault = found
-        if fault or stamp_ns is None:
-            self._held = None if stamp_ns is None else (stamp_ns, own_ns, message, "")
-            self._tried += stamp_ns is None
-            raise CameraFault(FaultKind.CLOCK, f"{self.info.name}#{self._delivered}: {fault}")
-        self._tried += 1
-        try:
-            image = self._picture(message, f"{self.info.name} picture {self._delivered}", self._levels)
-        except CameraError as error:
-            raise CameraFault(FaultKind.DAMAGED, f"{error}, skipped") from None
-        return stamp_ns, own_ns, image, message.header.frame_id
+    def _decoded(self) -> Iterator[_Picture | CameraFault]:
+        """All pictures in order; and faults, of those that are dropped, and before one where the clock was set."""
+        for stamp_ns, own_ns, message, fault in self._recording.samples(self.topic):
+            if fault:
+                yield CameraFault(FaultKind.CLOCK, f"{self.info.name}#{self._delivered}: {fault}")
+            if stamp_ns is None:
+                continue
+            try:
+                image = self._picture(message, f"{self.info.name} picture {self._delivered}", self._levels)
+            except CameraError as error:
+                yield CameraFault(FaultKind.DAMAGED, f"{error}, skipped")
+                continue
+            yield stamp_ns, own_ns, image, message.header.frame_id
 
     def _tf(self, frames: str, mount: Mount) -> GivenPoses:
         """The base's poses by the tf of the whole file, from its first picture on."""
-        stamp_ns = self._ahead[0] if self._ahead else 0
         with closing(open_reading(self._path)) as recording:
-            return tf_poses(recording, frames, mount, to_s(stamp_ns))
+            return tf_poses(recording, frames, mount, to_s(self._first_ns))
 
     def _describe(
         self, intrinsics: Intrinsics | None, mount: Mount | None, frame_id: str, topics: SensorTopics

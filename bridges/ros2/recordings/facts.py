@@ -6,7 +6,7 @@ programs read the messages.
 
 import json
 from dataclasses import asdict, dataclass
-from typing import Any, Optional
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -62,13 +62,6 @@ class _RecordedMount(Strict):
     platform: Platform = Platform.ROBOT
 
 
-_INFERENCE: Any = Inference | None
-_LENS: Any = LensRecord | None
-_MOUNT: Any = _RecordedMount | None
-_CALIBRATION: Any = dict[str, Any] | None
-_RATE: Any = Optional[Rate]  # noqa: UP045
-
-
 def read_facts(record: dict[str, str], where: str) -> Facts:
     """The facts of a metadata record. where: for messages. Raises CameraError for a damaged one."""
     where = f"{where}: damaged {RECORD} record"
@@ -76,18 +69,20 @@ def read_facts(record: dict[str, str], where: str) -> Facts:
         raise CameraError(f"{where}: lacks {', '.join(sorted(missing))}")
     if record["format"] != FORMAT:
         raise CameraError(f"{where}: format {one_line(record['format'])!r}, this edgemap reads {FORMAT!r}")
-    lens, mount, rate_hz = (
-        decode_json(record[name], kind, f"{where}: {name}", CameraError)
-        for name, kind in (("intrinsics", _LENS), ("mount", _MOUNT), ("rate_hz", _RATE))
-    )
+
+    def value(name: str, kind: Any) -> Any:
+        optional: Any = kind | None
+        return decode_json(record.get(name, "null"), optional, f"{where}: {name}", CameraError)
+
+    lens, mount = value("intrinsics", LensRecord), value("mount", _RecordedMount)
     try:
         return Facts(
             one_line(record["camera"]),
             lens and lens.intrinsics(),
             mount and Mount(**msgspec.structs.asdict(mount)),
-            rate_hz,
-            decode_json(record.get("inference", "null"), _INFERENCE, f"{where}: inference", CameraError),
-            decode_json(record.get("calibration", "null"), _CALIBRATION, f"{where}: calibration", CameraError),
+            value("rate_hz", Rate),
+            value("inference", Inference),
+            value("calibration", dict[str, Any]),
         )
     except GeometryError as error:
         raise CameraError(f"{where}: {error}") from None

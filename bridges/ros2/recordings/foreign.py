@@ -1,6 +1,7 @@
 """Lens, mount, inertial samples and wheel odometry from the ROS 2 messages of a recording."""
 
 import math
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -74,12 +75,9 @@ def tf_of(recording: Reading) -> TfTree:
     """The tf tree of a recording, by its first messages. Raises CameraError."""
     tree = TfTree(str(recording.path))
     for topic in (TF_STATIC, TF):
-        if topic not in recording.topics:
-            continue
-        for number, (_, decode) in enumerate(recording.messages(topic)):
-            tree.add(decode())
-            if number >= TF_MESSAGES or tree.full:
-                break
+        if topic in recording.topics:
+            for _, decode in islice(recording.messages(topic), TF_MESSAGES):
+                tree.add(decode())
     return tree
 
 

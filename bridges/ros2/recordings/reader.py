@@ -4,14 +4,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from io import SEEK_END
-from itertools import pairwise
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import DAMAGE
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE
 from edgemap.bridges.ros2.recordings.reading import (
-    SECOND_NS,
     Reading,
     SplitReading,
     SqliteReading,
@@ -36,27 +35,21 @@ class McapReading(Reading):
     def __init__(self, path: Path) -> None:
         need("record", "a recording")
         super().__init__(path)
-        self._set_back = False
+        if not path.is_file():  # a pipe would block
+            raise CameraError(f"{path}: no such file")
         try:
-            if not path.is_file():  # a pipe would block
-                raise CameraError(f"{path}: no such file")
-            self._stream = path.open("rb")
-            start, size = self._stream.read(len(MAGIC)), path.stat().st_size
-            self._stream.seek(-min(size, len(MAGIC)), SEEK_END)
-            end = self._stream.read(len(MAGIC))
+            with path.open("rb") as stream:
+                start, size = stream.read(len(MAGIC)), path.stat().st_size
+                stream.seek(-min(size, len(MAGIC)), SEEK_END)
+                end = stream.read(len(MAGIC))
         except OSError as error:
             raise CameraError(f"{path}: cannot be read ({error.strerror})") from None
+        if start != MAGIC:
+            raise CameraError(f"{path}: not an MCAP recording ({size} bytes)")
         self.complete = end == MAGIC and size > 2 * len(MAGIC)
-        try:
-            if start != MAGIC:
-                raise CameraError(f"{path}: not an MCAP recording ({size} bytes)")
-            with self._guarded():
-                self._index = self._read_index() if self.complete else None
-                if self._index is None:
-                    self._scan()
-        except CameraError:
-            self.close()
-            raise
+        with self._guarded():
+            if not (self.complete and self._read_summary()):
+                self._scan()
 
     def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
         """(log time in ns, decode) for each message of a topic, in order; `decode()` gives its fields as attributes.
@@ -68,10 +61,6 @@ class McapReading(Reading):
                 kind = self._kind(topic, schema, channel)
                 yield message.log_time, partial(decoded, self.path, topic, kind, message.data)
 
-    def close(self) -> None:
-        """Close the file."""
-        self._stream.close()
-
     def _kind(self, topic: str, schema: Any, channel: Any) -> str:
         if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
             how = f"{channel.message_encoding or 'unnamed'}/{schema.encoding if schema else 'no schema'}"
@@ -82,34 +71,29 @@ class McapReading(Reading):
         return kind
 
     def _raw(self, topic: str) -> Iterator[tuple[Any, Any, Any]]:
+        """In the order of the file: by an index it would be that of log times, which a clock that was set mixes up."""
         from mcap.reader import NonSeekingReader
 
-        if self._index is not None and not self._set_back:
-            yield from self._index.iter_messages(topic)
-            return
         with self.path.open("rb") as stream:  # one for each topic: pictures and depth are read in turn
             reader = NonSeekingReader(stream, validate_crcs=True)
-            yield from self._to_the_cut(reader.iter_messages(topic, log_time_order=False))
+            every = self._to_the_cut(reader.iter_messages(topic, log_time_order=False))
+            yield from islice(every, self.topics[topic].count)  # the rest of a large file has none
 
-    def _read_index(self) -> Any:
-        """A reader by the file's index, with the topics and their counts read from it; None where it has none."""
+    def _read_summary(self) -> bool:
+        """Topics and their counts, metadata and attachments by the file's index. Returns whether it has one."""
         from mcap.reader import SeekingReader
 
-        self._stream.seek(0)
-        reader = SeekingReader(self._stream, validate_crcs=True)
-        summary = reader.get_summary()
-        if summary is None or not summary.chunk_indexes or summary.statistics is None:
-            return None
-        chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
-        self._set_back = any(
-            later.message_start_time < earlier.message_end_time - SECOND_NS for earlier, later in pairwise(chunks)
-        )
-        for channel in summary.channels.values():
-            counts = summary.statistics.channel_message_counts
-            self._topic(channel, summary.schemas).count += counts.get(channel.id, 0)
-        for record in (*reader.iter_metadata(), *reader.iter_attachments()):
-            self._keep(record)
-        return reader
+        with self.path.open("rb") as stream:
+            reader = SeekingReader(stream, validate_crcs=True)
+            summary = reader.get_summary()
+            if summary is None or not summary.chunk_indexes or summary.statistics is None:
+                return False
+            for channel in summary.channels.values():
+                counts = summary.statistics.channel_message_counts
+                self._topic(channel, summary.schemas).count += counts.get(channel.id, 0)
+            for record in (*reader.iter_metadata(), *reader.iter_attachments()):
+                self._keep(record)
+        return True
 
     def _scan(self) -> None:
         """Reads a file without index through: topics and their counts, metadata, attachments."""

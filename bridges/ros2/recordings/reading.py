@@ -13,8 +13,6 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.frames.stamps import AGREEING, followed
 
-SECOND_NS = 1_000_000_000
-
 
 @dataclass(slots=True)
 class Topic:
@@ -55,25 +53,19 @@ class Reading:
 
     def _timed(self, topic: str) -> Iterator[tuple[int, int, Any]]:
         """As of `stamped`, with the log time in ns."""
-        decoded = ((log_ns, decode()) for log_ns, decode in self.messages(topic))
-        first: list[tuple[int, Any]] = []
-        failed: CameraError | None = None
-        try:
-            first += islice(decoded, AGREEING)
-        except CameraError as error:
-            failed = error
-        by_log = not any(ns_of(message.header.stamp) for _, message in first)
-        for log_ns, message in chain(first, decoded):
+        by_log = True
+        with suppress(CameraError):  # which is raised below, behind the messages before it
+            by_log = not any(ns_of(decode().header.stamp) for _, decode in islice(self.messages(topic), AGREEING))
+        for log_ns, decode in self.messages(topic):
+            message = decode()
             yield log_ns if by_log else ns_of(message.header.stamp), log_ns, message
-        if failed is not None:
-            raise failed
 
     def samples(self, topic: str) -> Iterator[tuple[int | None, int, Any, str]]:
         """(stamp in ns, header's stamp, message, fault) as `followed` has it; a zero stamp among others is dropped. The
         first fault says where log times are taken."""
         unstamped = "its headers have no stamps, the times of recording are taken"
         stamped = ((max(row[0], -1), row) for row in self._timed(topic))
-        for stamp_ns, (own_ns, _, message), fault in followed(stamped, SECOND_NS, lambda row: row[1]):
+        for stamp_ns, (own_ns, _, message), fault in followed(stamped, 10**9, lambda row: row[1]):
             if stamp_ns is not None and own_ns and not ns_of(message.header.stamp):
                 fault, unstamped = fault or unstamped, ""
             yield None if stamp_ns is None else int(stamp_ns), own_ns, message, fault

@@ -1,6 +1,5 @@
 """Records pictures with intrinsics, mount, wheel odometry and truth, and, as a sink, a run's results."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -129,10 +128,11 @@ class _Chunks:
             self._waiting.clear()
 
 
-class Recorder:
-    """Frames, and perhaps a run's results, into an MCAP file. lossless: PNG instead of JPEG.
+class Recorder(Sink):
+    """Frames, and as a sink a run's results, into an MCAP file. lossless: PNG instead of JPEG.
 
-    wheel: integrated poses of the wheels; truth: the drive's poses from its start. Raises RecordingError.
+    wheel: integrated poses of the wheels; truth: the drive's poses from its start. Raises RecordingError, or DiskError
+    where the disk cannot be written: those results are missing, and later ones continue in the same file.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class Recorder:
         wheel: Trajectory | None = None,
         truth: Trajectory | None = None,
     ) -> None:
-        self.path, self.frames = path, 0
+        self.path, self.name, self.frames = path, f"recording {path.name}", 0
         self._stream = MessageStream(facts.intrinsics, facts.mount, lossless=lossless)
         self._tracks = [
             _Track(topic, name, track, ids)
@@ -180,9 +180,9 @@ class Recorder:
         self.frames += 1
         return stamp_ns
 
-    def results(self, stamp_ns: int, result: StepResult, objects: list[MapObject]) -> None:
-        """Record one step: poses, boxes, and every few frames the map."""
-        self._last = (stamp_ns, objects, result.pose_map_base)
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Record one step: its picture, poses, boxes, and every few frames the map."""
+        self._last = (self.picture(result.frame), objects, result.pose_map_base)
         for outgoing in self._stream.results(result, objects):
             self._write(outgoing)
 
@@ -192,12 +192,15 @@ class Recorder:
             self._write(outgoing)
 
     def edit(self, line: str) -> None:
-        """Record an edit, as a line of edits.jsonl, at the picture before it."""
+        """Record an edit, as a line of edits.jsonl, at the picture before it. One that the disk does not take, or that
+        comes after the end of the file, is missing in a replay."""
         stamp_ns = self._last[0] if self._last is not None else 0
-        self._file.write(EDITS, stamp_ns, {"data": line})
+        with suppress(DiskError, RecordingError):
+            self._file.write(EDITS, stamp_ns, {"data": line})
 
     def close(self) -> None:
-        """The last map, where it is newer than the one recorded, and the file's end; may be called twice."""
+        """The last map, where it is newer than the one recorded, and the file's end; may be called twice. Without its
+        end the file is valid up to its last complete chunk."""
         try:
             if self._last is not None and self._last[0] != self._map_ns:
                 for outgoing in self._stream.map(*self._last):
@@ -231,47 +234,13 @@ class _Track:
             self._next += 1
 
 
-class RecordingSink(Sink):
-    """Passes every step to a Recorder. start: creates it, and creates it again where the file vanished with its folder.
-    Raises DiskError where the disk cannot be written: those results are missing from the recording, which continues in
-    the same file once the disk can be written.
-    """
-
-    def __init__(self, start: Callable[[], Recorder]) -> None:
-        self._start, self._recorder = start, start()
-        self.name = f"recording {self._recorder.path.name}"
-
-    def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Record the picture and its result."""
-        path = self._recorder.path
-        if path.parent.is_dir() and not path.exists():
-            self._recorder = self._start()
-        self._recorder.results(self._recorder.picture(result.frame), result, objects)
-
-    def last(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Records the boxes that came after the last frame."""
-        self._recorder.last(result, objects)
-
-    def edit(self, line: str) -> None:
-        """Record an edit as a line of edits.jsonl; one that the disk does not take, or that comes after the end of the
-        file, is missing in a replay."""
-        with suppress(DiskError, RecordingError):
-            self._recorder.edit(line)
-
-    def close(self) -> None:
-        """Finishes the file. Raises DiskError where its end cannot be written; it is valid up to its last complete
-        chunk.
-        """
-        self._recorder.close()
-
-
 def file_of(text: str) -> tuple[Path, bool]:
     """The file in `[lossless:]FILE.mcap`, and whether its pictures are lossless."""
     name = text.removeprefix("lossless:")
     return Path(name), name != text
 
 
-def open(address: str, run: RunInfo) -> RecordingSink:
+def open(address: str, run: RunInfo) -> Recorder:
     """The sink of `--record [lossless:]FILE.mcap`, with lens, mount, inference, guess, wheels and edits of the run.
 
     Raises RecordingError, DiskError or CameraError.
@@ -281,6 +250,6 @@ def open(address: str, run: RunInfo) -> RecordingSink:
     # Poses that come live are not recorded.
     wheels = camera.info.wheel if isinstance(camera.info.wheel, Trajectory) else None
     path, lossless = file_of(address)
-    sink = RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=wheels, truth=camera.info.truth))
+    sink = Recorder(path, facts, lossless=lossless, wheel=wheels, truth=camera.info.truth)
     run.edits.recorders.append(sink.edit)
     return sink

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from support.broker import MISSING, Broker
 from support.faults import made
+from support.results import run_info
 from support.steps import Steps
 from support.waiting import wait_for
 
@@ -21,7 +22,7 @@ from edgemap.geometry.map_object import MapEvent
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.events import Edit
 from edgemap.runtime.frames.errors import PublishError
-from edgemap.runtime.step.edit_queue import Edits
+from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.step.mapper import Mapper
 
 pytest.importorskip("paho.mqtt")
@@ -54,7 +55,7 @@ def objects_in(told):
 
 
 def publisher(broker, robot="robo"):
-    return closing(MqttPublisher("127.0.0.1", broker.port, robot, version="1.2.3"))
+    return closing(MqttPublisher("127.0.0.1", broker.port, run_info(robot)))
 
 
 def test_a_newcomer_is_told_state_objects_and_the_device(broker):
@@ -82,7 +83,7 @@ def test_a_newcomer_is_told_state_objects_and_the_device(broker):
     assert sorted(entities) == sorted(
         f"homeassistant/{kind}/edgemap-robo/{name}/config" for name, kind in kinds.items()
     )
-    device = {"identifiers": ["edgemap-robo"], "name": "robo", "manufacturer": "edgemap", "sw_version": "1.2.3"}
+    device = {"identifiers": ["edgemap-robo"], "name": "robo", "manufacturer": "edgemap", "sw_version": VERSION}
     assert all(entity["device"] == device for entity in entities.values())
     assert all(
         (entity["~"], entity["availability_topic"]) == ("edgemap/robo", "~/status") for entity in entities.values()
@@ -102,10 +103,8 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
     around = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
     zone = Zone("zone-1", "corner", tuple((x_m + dx, y_m + dy) for dx, dy in around))
     zoned = replace(result, annotations=replace(result.annotations, zones=(zone,)))
-    state, config = ["running"], "homeassistant/sensor/edgemap-robo/zone-1/config"
-    edits, address = Edits(), ("127.0.0.1", broker.port, "robo")
-    publisher = MqttPublisher(*address, camera=lambda: state[0], folder=tmp_path, edit=edits.submit)
-    with closing(publisher) as sink:
+    config, run = "homeassistant/sensor/edgemap-robo/zone-1/config", run_info(folder=tmp_path)
+    with closing(MqttPublisher("127.0.0.1", broker.port, run)) as sink:
         sink.write(zoned, objects)
         sent = broker.retained(until=lambda sent: "edgemap/robo/zones/zone-1" in sent and "edgemap/robo/map" in sent)
         assert json.loads(sent["edgemap/robo/zones/zone-1"]) == {
@@ -116,7 +115,7 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
         assert json.loads(sent[config])["name"] == "corner"
         entity = json.loads(sent["homeassistant/button/edgemap-robo/relocalise/config"])
         assert (json.loads(sent[STATE])["camera"], json.loads(sent[STATE])["room"]) == ("running", None)
-        state[0] = "lost"
+        run.camera.state = "lost"
         sink.fault(made("camera x: lost"))
         broker.retained(STATE, lambda sent: json.loads(sent[STATE])["camera"] == "lost")
         broker.publish("edgemap/robo/command", "save")
@@ -128,8 +127,8 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
         mapper = Mapper()
         for dock in ("dock", ""):  # without one, and with one
             broker.publish("edgemap/robo/command", entity["payload_press"])
-            wait_for(lambda: edits._waiting, "the command")
-            edits.apply(mapper, 0)
+            wait_for(lambda: run.edits._waiting, "the command")
+            run.edits.apply(mapper, 0)
             with pytest.raises(PublishError, match="no dock") if dock else nullcontext():
                 sink.write(later, objects)
             mapper.edit(Edit("dock", pose=(1.0, 2.0, 0.5)))
@@ -242,7 +241,8 @@ def test_objects_of_an_earlier_run_leave_the_broker(broker):
 def test_a_killed_robot_is_offline(broker):
     program = (
         "from edgemap.bridges.mqtt.sink import MqttPublisher; from support.steps import Steps;"
-        f"sink = MqttPublisher('127.0.0.1', {broker.port}, 'robo'); Steps().into(sink, 2);"
+        "from support.results import run_info;"
+        f"sink = MqttPublisher('127.0.0.1', {broker.port}, run_info()); Steps().into(sink, 2);"
         "import time; time.sleep(600)"
     )
     listener = broker.listen("edgemap/robo/status")
@@ -275,7 +275,7 @@ def test_a_broker_that_takes_nothing_does_not_keep_a_run_from_ending(monkeypatch
 
         answering = threading.Thread(target=accept, daemon=True)
         answering.start()
-        sink = MqttPublisher("127.0.0.1", listening.getsockname()[1], "robo")
+        sink = MqttPublisher("127.0.0.1", listening.getsockname()[1], run_info())
         Steps().into(sink, 60)
         sink.close()
         answering.join(10.0)
@@ -289,7 +289,7 @@ def test_a_broker_that_takes_nothing_does_not_keep_a_run_from_ending(monkeypatch
 def test_a_brokers_message_never_ends_what_is_sent(packet, stays):
     """stays: whether the connection does; a new one sends on where it does not."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
-        sink, steps = MqttPublisher("127.0.0.1", listening.getsockname()[1], "robo"), Steps()
+        sink, steps = MqttPublisher("127.0.0.1", listening.getsockname()[1], run_info()), Steps()
 
         def accepted():
             connection, _ = listening.accept()

@@ -31,7 +31,7 @@ def recording(tmp_path_factory) -> Path:
     wheel = Trajectory(np.array([frame.stamp_s for frame in frames]), tuple(POSES))
     recorder = Recorder(path, FACTS, wheel=wheel)
     for result in results(frames, POSES):
-        recorder.results(recorder.picture(result.frame), result, [CHAIR])
+        recorder.write(result, [CHAIR])
     recorder.close()
     return path
 

@@ -18,9 +18,8 @@ import cv2
 import numpy as np
 import pytest
 from support.recordings import LENS, MOUNT
-from support.results import CHAIR, COVARIANCE, OFF, POSES, results
+from support.results import CHAIR, COVARIANCE, OFF, POSES, results, run_info
 
-from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.map_object import radius_m
@@ -109,7 +108,7 @@ def test_fast_dds_reads_what_a_run_publishes(program, node):
     picture = np.random.default_rng(3).integers(0, 256, (540, 720, 3), dtype=np.uint8)
     frames = [Frame(i, 1.7e9 + i / 10, picture) for i in range(12)]
     steps = list(results(frames, POSES))
-    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("robot1", pictures=True), offset_s=float)
+    sink = Ros2Sink(node, run_info(), Ros2Options("robot1", pictures=True))
     wanted = (
         "rt/tf,TFMessage,reliable,3", "rt/robot1/odometry,Odometry,reliable,3",
         "rt/robot1/camera/image/compressed,CompressedImage,reliable,2",

@@ -6,18 +6,16 @@ import os
 import subprocess
 import sys
 import time
-from concurrent.futures import Future
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from support.boxed_room import walls
-from support.recordings import LENS, MOUNT, noise
-from support.results import CHAIR, POSES, results
+from support.recordings import noise
+from support.results import CHAIR, POSES, results, run_info
 from support.steps import Steps
 
-from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.objects.events import Edit, EditError
+from edgemap.geometry.objects.events import EditError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraState, Ros2Error
 from edgemap.runtime.frames.faults import Fault, FaultKind
@@ -43,7 +41,7 @@ def node() -> Node:
 
 
 def sink_of(node: Node, *arguments, **options) -> Ros2Sink:
-    return Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options(*arguments, **options), offset_s=float)
+    return Ros2Sink(node, run_info(), Ros2Options(*arguments, **options))
 
 
 def taken(reader: Any, count: int) -> list:
@@ -128,14 +126,8 @@ def test_beside_a_robot_that_publishes_its_own_odometry_only_map_to_odom_is_sent
 
 def test_a_pose_of_rviz_is_an_edit(node):
     """2D Pose Estimate: x 1 m, y 2 m, a quarter turn, sigma 0.5 m and 15 degrees; in another frame it is none."""
-    got, answers = list[Edit](), list[Future[str]]()
-
-    def taken_edit(edit: Edit) -> Future[str]:
-        got.append(edit)
-        answers.append(Future())
-        return answers[-1]
-
-    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("rviz"), offset_s=float, edit=taken_edit)
+    run = run_info()
+    sink, got = Ros2Sink(node, run, Ros2Options("rviz")), run.edits._waiting
     rviz = node.publisher("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
     covariance = [0.0] * 36
     covariance[0] = covariance[7] = 0.25
@@ -151,11 +143,12 @@ def test_a_pose_of_rviz_is_an_edit(node):
             rviz.write(message)
             sink.write(result, objects)
             time.sleep(0.01)
-    (edit, *_) = got
+    (edit, _), *_ = got
     assert edit.do == "pose"
     assert edit.pose == pytest.approx((1.0, 2.0, math.pi / 2))
     assert edit.sigmas == pytest.approx((0.5, 0.5, math.radians(15.0)))
-    answers[-1].set_exception(EditError("too far"))
+    for _, answer in got:
+        answer.set_exception(EditError("too far"))
     with pytest.raises(Ros2Error, match=r"^/initialpose: too far$"):
         sink.write(result, objects)
     sink.close()
