@@ -143,7 +143,7 @@ def _ways(scored: dict[str, dict[str, ScoredDrive]], folder: Path) -> dict[str, 
         return {}
     drawn: dict[str, str] = {}
     for name in dict.fromkeys(name for drives in scored.values() for name in drives):
-        ways = {column: drives[name].followed for column, drives in scored.items() if name in drives}
+        ways = {column: drives[name] for column, drives in scored.items() if name in drives}
         file = f"{''.join(letter if letter.isalnum() else '-' for letter in name)}.png"
         true = next(iter(ways.values())).true
         plot_ways(folder / file, name, true, {column: way.estimated for column, way in ways.items()})

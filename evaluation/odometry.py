@@ -1,7 +1,7 @@
 """Errors of an odometry, as `edgemap eval odometry` reports them: of one drive, or pooled over several."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -153,13 +153,3 @@ def _rms(values: Array) -> float:
 
 def _mean_and_max(values: Array) -> dict[str, float] | None:
     return {"mean": float(values.mean()), "max": float(values.max())} if len(values) else None
-
-
-def availability(steps: Sequence[Mapping[str, str]]) -> dict[str, dict[str, float]]:
-    """Shares of the steps in which each odometry was `used`, `blind` (it measured nothing) or `left_out` (it measured,
-    and the others' motion was used), by its name. steps: one of these for each odometry and motion."""
-    shares: dict[str, dict[str, float]] = {}
-    for name in dict.fromkeys(name for step in steps for name in step):
-        given = [step[name] for step in steps if name in step]
-        shares[name] = {answer: round(given.count(answer) / len(given), 4) for answer in ("used", "blind", "left_out")}
-    return shares

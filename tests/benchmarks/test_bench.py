@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import painted
 from support.made_camera import MadeCamera
 
 from edgemap.benchmarks import rivals as contest
-from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, floor_head_ms, measure
+from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, measure
 from edgemap.benchmarks.map_variants import remembering, replayed
-from edgemap.benchmarks.odometry import follow
 from edgemap.benchmarks.rivals import picture_to_boxes
-from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.open import DEMO, open_camera
 from edgemap.runtime.network.bundle import load_bundle
@@ -62,12 +60,6 @@ def test_a_source_of_one_frame_is_refused():
         list(zip(range(2), drive_chunks(lambda: (counting(1), Slam())), strict=False))
 
 
-def test_a_source_without_true_poses_is_refused():
-    nothing: Any = None
-    with pytest.raises(OdometryError, match="counting brings no true poses"):
-        follow(counting(2), nothing)
-
-
 def test_processor_time_is_counted_and_sleeping_is_not():
     def work(frame):
         end = time.process_time() + 0.004
@@ -109,16 +101,6 @@ def test_ratios_are_ours_over_theirs(monkeypatch):
     )
     assert (ratios["network_ratio"], ratios["end_to_end_ratio"], ratios["full_ratio"]) == (0.8, 0.5, 0.75)
     assert ratios["cpu_ratio"] == pytest.approx(1 / 3, abs=1e-3)
-
-
-def test_the_floor_head_is_timed_apart_from_its_backbone(tmp_path):
-    bundle = load_bundle(bundle_folder("edgemap-nano"), 1).for_pictures(640, 480)
-    before = time.process_time()
-    bundle.backbone.run(bundle.backbone.zeros())
-    whole_ms = 1e3 * (time.process_time() - before)
-    head_ms = floor_head_ms(bundle)
-    assert 0.1 < head_ms < whole_ms / 3.0
-    assert floor_head_ms(load_bundle(painted.write_painted(tmp_path / "b", []), 1)) is None
 
 
 @pytest.mark.parametrize("name", ["edgemap-nano", "yolox-nano", "edgemap-pico"])
