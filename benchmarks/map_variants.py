@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M, TrueFloor
+from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M
 from edgemap.evaluation.objects import TrueObject
 from edgemap.evaluation.rooms import TruePlan, score_rooms
 from edgemap.geometry.camera.floor import FloorCamera
@@ -82,17 +82,17 @@ def replayed(
     return slams
 
 
-def true_floor(drive: Drive) -> TrueFloor | None:
+def true_plan(drive: Drive) -> TruePlan | None:
     """The drive's floor plan, where it has one. What hangs high over the floor, or is flat, is no obstacle. Raises
     CameraError."""
     plan = read_floor_plan(drive.folder)
     if plan is None:
         return None
     standing = [item for item in plan.footprints if item.low_m <= OVERHEAD_M and item.high_m > FLAT_M]
-    floor, walls, footprints = (
-        [np.array(area.corners_m) for area in areas] for areas in ([*plan.rooms, *plan.doorways], plan.walls, standing)
+    rooms, doorways, walls, footprints = (
+        [np.array(area.corners_m) for area in areas] for areas in (plan.rooms, plan.doorways, plan.walls, standing)
     )
-    return TrueFloor(floor, walls, footprints)
+    return TruePlan(rooms, [room.kind for room in plan.rooms], doorways, walls, footprints)
 
 
 def room_figures(
@@ -103,13 +103,9 @@ def room_figures(
     frames: int | None = None,
 ) -> dict[str, Any]:
     """Rooms and doors of a map against the drive's floor plan; empty where it has none. Raises CameraError."""
-    plan = read_floor_plan(drive.folder)
-    if plan is None or drive.truth is None or drive.intrinsics is None:
+    truth = true_plan(drive)
+    if truth is None or drive.truth is None or drive.intrinsics is None:
         return {}
-    rooms, walls, doorways = (
-        [np.array(area.corners_m) for area in areas] for areas in (plan.rooms, plan.walls, plan.doorways)
-    )
-    truth = TruePlan(rooms, [room.kind for room in plan.rooms], doorways, walls)
     view_rad = 2.0 * math.atan(drive.intrinsics.width / 2.0 / drive.intrinsics.fx)
     return score_rooms(*rooms_of(objects, annotations, grid), truth, drive.truth.poses[:frames], view_rad)
 

@@ -56,8 +56,6 @@ def errors_of(
 ) -> DriveErrors:
     """Compare poses of the same frames, two at least. covariances: (N - 1, 3, 3), of each estimated motion. stamps_s:
     (N,)."""
-    if len(true) < 2:
-        raise ValueError(f"{len(true)} poses: a motion needs two")
     steps_true, steps_estimated = motions(true), motions(estimated)
     steps = motion_errors(steps_true, steps_estimated)
     starts = [true[0].inverse() @ pose for pose in true], [estimated[0].inverse() @ pose for pose in estimated]

@@ -43,7 +43,6 @@ def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: floa
     KITTI odometry protocol (Geiger, Lenz and Urtasun 2012): a segment starts every `step` frames and ends at the
     first frame whose true path from there exceeds the length; no alignment beyond the common start.
     """
-    _same_length(true, estimated)
     travelled_m = path_m(true)
     errors = []
     for start in range(0, len(true), step):
@@ -58,7 +57,6 @@ def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: floa
 
 def aligned_errors_m(true: Sequence[SE2], estimated: Sequence[SE2]) -> Array:
     """Position errors after the best rigid alignment, metres, (N,)."""
-    _same_length(true, estimated)
     wanted, estimate = (np.array([(pose.x_m, pose.y_m) for pose in poses]) for poses in (true, estimated))
     aligned = fit_se2(estimate, wanted).apply(estimate)
     return np.linalg.norm(aligned - wanted, axis=1)
@@ -78,7 +76,6 @@ def fit_se2(from_m: Array, to_m: Array) -> SE2:
 
 def motion_errors(true: Sequence[SE2], estimated: Sequence[SE2]) -> Array:
     """Estimated less true motion of each frame: (N, 3) forward m, left m, yaw rad, in the previous base frame."""
-    _same_length(true, estimated)
     differences = np.array([f.vector() - t.vector() for t, f in zip(true, estimated, strict=True)]).reshape(-1, 3)
     differences[:, 2] = [wrap_angle(yaw) for yaw in differences[:, 2]]
     return differences
@@ -100,7 +97,6 @@ def window_errors(
     covariances: (N - 1, 3, 3) of the steps, put together as if independent: errors that last over several steps, of
     scale or of landmarks, show as a NEES that grows with the window.
     """
-    _same_length(true, estimated)
     steps = motions(estimated)
     errors: dict[float, list[float]] = {length_s: [] for length_s in windows_s}
     for start in range(0, len(true) - 1, SEGMENT_STEP):
@@ -114,11 +110,6 @@ def window_errors(
                 error = motion_errors([true[start].inverse() @ true[end]], [pose])
                 errors[wanted[end]].append(float(normalised_errors(error, covariance[None])[0]))
     return {length_s: np.array(values) for length_s, values in errors.items()}
-
-
-def _same_length(true: Sequence[SE2], estimated: Sequence[SE2]) -> None:
-    if len(true) != len(estimated) or not true:
-        raise ValueError(f"{len(true)} true poses or motions against {len(estimated)} estimated ones")
 
 
 def attitude_figures(estimated: Sequence[Attitude | None], true: Sequence[Attitude] | None) -> dict[str, Any]:
