@@ -82,7 +82,7 @@ def command(
             "data": data,
             "bundle": loaded.manifest.name,
             "precision": loaded.precision,
-            "engine": loaded.engine,
+            "engine": loaded.compute.engine,
             "odometry": motion.odometry,
             "wheels": drive.wheel is not None and not motion.without_wheels,
             "imu": drive.imu is not None and not motion.without_imu,

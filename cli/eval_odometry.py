@@ -94,8 +94,8 @@ def command(
             from edgemap.plots.trajectories import plot_ways
 
             plot_ways(plot / f"{_file_name(name)}.png", name, drives[name].true, {odometry: drives[name].estimated})
-    document: dict[str, Any] = {"bundle": loaded.manifest.name, "precision": loaded.precision, "engine": loaded.engine}
-    document |= {"odometry": odometry} | together(drives)
+    document: dict[str, Any] = {"bundle": loaded.manifest.name, "precision": loaded.precision}
+    document |= {"engine": loaded.compute.engine, "odometry": odometry} | together(drives)
     for name, spec in zip(names, specs, strict=True):
         document["sequences"][name]["data"] = spec
     if json:

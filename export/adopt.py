@@ -12,12 +12,12 @@ from google.protobuf.message import DecodeError
 from onnx import ModelProto, version_converter
 
 from edgemap.export.errors import ExportError
-from edgemap.export.onnx_export import default_opset
+from edgemap.export.onnx_export import OPSETS, default_opset
 from edgemap.export.picodet import is_picodet, picodet_contract, trim
 from edgemap.runtime.frames.class_names import COCO_NAMES, is_mapped
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.network.foreign import ForeignFile, recognise
-from edgemap.runtime.network.manifest import OPSETS, ClassEntry, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
+from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
 from edgemap.runtime.network.network import Compute
 
 CLASSES = tuple(ClassEntry(name=name, mapped=is_mapped(name)) for name in COCO_NAMES)

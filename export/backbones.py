@@ -21,9 +21,10 @@ from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
 from edgemap.export.sources import KNOWN
+from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec
 from edgemap.runtime.network.manifest_file import sha256_file
-from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.network.network import Compute, Tensors
 
 DARKNET = {"yolov3": yolov3, "yolov3-tiny": yolov3_tiny}
 ADOPTED = ("yolox-nano", "picodet-s")
@@ -184,7 +185,8 @@ def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, s
         path, sources = obtain(entry)
     model, detector = adopt(path, feature)
     exact = detector.decode != "dfl"
-    original = parity.open_network(path if exact else with_outputs(path, [head.name for head in detector.heads]))
+    source = path if exact else with_outputs(path, [head.name for head in detector.heads])
+    original = open_onnxruntime(source, Compute(2, spin=True))
 
     def reference(picture: NDArray[np.float32]) -> Tensors:
         return original.run({detector.input.name: picture})

@@ -1,7 +1,6 @@
 """Proof that a bundle computes what its source computes: random pictures, random states, a chain of steps."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -11,9 +10,8 @@ from torch import Tensor
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.paper import PaperHead
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest import InputSpec, Parity
-from edgemap.runtime.network.network import Compute, Network, Tensors
+from edgemap.runtime.network.network import Tensors
 
 STEPS = 8
 CASES = 2
@@ -130,12 +128,3 @@ class _Chain:
         for state, tensor in zip(self.record.states, self._theirs, strict=True):
             self.comparison.check(state.output, tensor.numpy(), outputs[state.output], when)
         self._ours = {state.input: outputs[state.output] for state in self.record.states}
-
-
-def open_network(source: Path | bytes, threads: int = 2) -> Network:
-    """An ONNX file or model from elsewhere in onnxruntime, as a parity reference. Raises ExportError."""
-    try:
-        return open_onnxruntime(source, Compute(threads, spin=threads > 1))
-    except Exception as error:  # onnxruntime's exceptions share no public base
-        name = "its model" if isinstance(source, bytes) else source
-        raise ExportError(f"{name}: onnxruntime does not load it ({str(error).splitlines()[0][:160]})") from None

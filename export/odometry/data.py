@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 from tqdm import tqdm
 
@@ -18,7 +17,7 @@ from edgemap.export.errors import ExportError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import Drive, open_drive
-from edgemap.runtime.network.engines import PROVIDERS, session_options
+from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.preprocess import Preprocessor
 
@@ -59,7 +58,7 @@ class FeatureStore:
         self.mirror = np.where(np.arange(self.shape[1]) % values, 1.0, -1.0).astype(np.float32) if raw else None
         about = f"{FORMAT} {hashlib.sha256(model).hexdigest()} {self.input} {self._name}"
         self.folder = folder / hashlib.sha256(about.encode()).hexdigest()[:16]
-        self._session = ort.InferenceSession(model, session_options(Compute(threads)), providers=PROVIDERS)
+        self._network = open_onnxruntime(model, Compute(threads))
 
     def load(self, specs: Sequence[str], first: int = 0, frames: int | None = None) -> list[FeatureDrive]:
         """All drives `KIND:DIR`; missing features are computed. Raises ExportError or CameraError."""
@@ -96,15 +95,11 @@ class FeatureStore:
                     if frame is None:
                         raise ExportError(f"{spec}: ends after {index} pictures, {total} were announced")
                     if index >= done:
-                        kept[index] = self._run(preprocess(frame.image)[0])
+                        tensors = {self.input.name: preprocess(frame.image)[0]}
+                        kept[index] = self._network.run(tensors)[self._name][0]
             kept.flush()
             note.write_text(json.dumps({"data": spec, "frames": count, "feature": self._name}))
         return np.load(path, mmap_mode="r")[:count]
-
-    def _run(self, tensor: NDArray[np.float32]) -> NDArray[np.float32]:
-        options = ort.RunOptions()
-        options.only_execute_path_to_fetches = True  # the heads behind the features are not needed
-        return np.asarray(self._session.run([self._name], {self.input.name: tensor}, options)[0])[0]
 
 
 def _content(drive: Drive) -> str:

@@ -89,14 +89,12 @@ def write_manifest(folder: Path, manifest: Manifest, name: str = MANIFEST_NAME) 
 
 def _inside(folder: Path, name: str) -> Path:
     parts = PurePosixPath(name)
-    if parts.is_absolute() or ".." in parts.parts or "\\" in name or not parts.parts or parts.name == MANIFEST_NAME:
-        raise BundleError(f"bundle {folder}: path {name!r} leaves the bundle's folder")
-    path = folder / parts
+    path, odd = folder / parts, parts.is_absolute() or ".." in parts.parts or "\\" in name
     try:
-        inside = path.resolve().is_relative_to(folder.resolve())
+        inside = not odd and path.resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError):  # a loop of links
         inside = False
-    if not inside:
+    if not inside or not parts.parts or parts.name == MANIFEST_NAME:
         raise BundleError(f"bundle {folder}: path {name!r} leaves the bundle's folder")
     return path
 
