@@ -20,7 +20,7 @@ from edgemap.export.detector.network import load_detector
 from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
-from edgemap.export.sources import KNOWN
+from edgemap.export.sources import KNOWN, KnownModel
 from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec
 from edgemap.runtime.network.manifest_file import sha256_file
@@ -29,6 +29,7 @@ from edgemap.runtime.network.network import Compute, Tensors
 DARKNET = {"yolov3": yolov3, "yolov3-tiny": yolov3_tiny}
 ADOPTED = ("yolox-nano", "picodet-s")
 BACKBONES = (*DARKNET, *ADOPTED)
+NOT_KNOWN = KnownModel("", "", (), "not stated")
 DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5
 
 
@@ -84,7 +85,6 @@ def darknet_backbone(
             tensors = network(torch.from_numpy(picture) / 255.0)
         return {name: tensor.numpy() for name, tensor in zip(names, tensors, strict=True)}
 
-    entry = KNOWN.get(backbone)
     return Backbone(
         name=name,
         model=backbone_to_onnx(network, detector),
@@ -92,7 +92,7 @@ def darknet_backbone(
         reference=reference,
         exact=False,
         measured={"weights": about},
-        licence=entry.licence if entry else "not stated",
+        licence=KNOWN.get(backbone, NOT_KNOWN).licence,
         sources=sources or (f"{about['file']} sha256 {about['sha256']}",),
     )
 
@@ -178,10 +178,9 @@ def _darknet_detector(network: Darknet, feature: str | None) -> DetectorSpec:
 
 def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, sources: tuple[str, ...]) -> Backbone:
     """An ONNX detector by name or file, with a feature tapped. Raises ExportError or DownloadError."""
-    entry = KNOWN.get(backbone)
-    path, name = (Path(backbone), Path(backbone).stem) if entry is None else (weights, backbone)
+    entry = KNOWN.get(backbone, NOT_KNOWN)
+    path, name = (Path(backbone), Path(backbone).stem) if entry is NOT_KNOWN else (weights, backbone)
     if path is None:
-        assert entry is not None
         path, sources = obtain(entry)
     model, detector = adopt(path, feature)
     exact = detector.decode != "dfl"
@@ -198,8 +197,8 @@ def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, s
         reference=reference,
         exact=exact,
         measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},
-        licence=entry.licence if entry else "not stated",
+        licence=entry.licence,
         sources=sources or (f"{path.name} sha256 {sha256_file(path)}",),
-        confidence=entry.confidence if entry else 0.3,
-        sure_confidence=entry.sure_confidence if entry else 0.0,
+        confidence=entry.confidence,
+        sure_confidence=entry.sure_confidence,
     )

@@ -20,6 +20,7 @@ from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network.engines import ROWS, open_onnxruntime
 from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, OdometryHead, contract_metadata
 from edgemap.runtime.network.network import Compute
+from edgemap.runtime.network.open_bundle import keep_outputs
 
 OPSET = 18
 OPSETS = range(11, 24)  # what onnxruntime 1.17 and newer run
@@ -169,15 +170,7 @@ def _fuse_pool_padding(model: ModelProto) -> None:
 
 def drop_unused(model: ModelProto) -> None:
     """Drops the nodes and constants that no output needs."""
-    graph = model.graph
-    wanted = {value.name for value in graph.output}
-    for node in [*reversed(graph.node)]:
-        if wanted & set(node.output):
-            wanted |= set(node.input)
-        else:
-            graph.node.remove(node)
-    for item in [item for item in graph.initializer if item.name not in wanted]:
-        graph.initializer.remove(item)
+    keep_outputs(model.graph, {value.name for value in model.graph.output})
 
 
 def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.export.floor.head import FloorHead
-from edgemap.export.torch_files import fill, read_checkpoint, read_torch, save_whole
+from edgemap.export.torch_files import fill, read_checkpoint, save_whole
 from edgemap.runtime.frames.reading import Name
 from edgemap.runtime.network.manifest import Text
 
@@ -58,8 +58,3 @@ def load_floor(path: Path) -> FloorCheckpoint:
     shape = record.channels, record.rows, record.width, record.detail, record.deep
     head = fill(lambda: FloorHead(*shape), weights, path)
     return FloorCheckpoint(head.eval(), record.backbone, record.taps, record.measured, record.sources)
-
-
-def is_floor(path: Path) -> bool:
-    """Whether a torch file is a floor head's checkpoint. Raises ExportError."""
-    return str(read_torch(path).get("format")).startswith("edgemap.floor/")

@@ -43,12 +43,18 @@ def _model_class() -> type[Any]:
 
 
 def subgraph(model: bytes, outputs: set[str]) -> bytes:
-    """An ONNX model with these outputs alone, and the nodes and weights that they need.
+    """An ONNX model with these outputs alone, and the nodes and weights that they need."""
+    tree = _model_class().FromString(model)
+    keep_outputs(tree.graph, outputs)
+    return tree.SerializeToString()
+
+
+def keep_outputs(graph: Any, outputs: set[str]) -> None:
+    """Drops the other outputs of an ONNX graph, and the nodes and weights that nothing else needs.
 
     Nodes with graphs of their own (If, Loop) keep what they name as inputs only.
     """
-    tree = _model_class().FromString(model)
-    graph, needed, kept = tree.graph, set(outputs), []
+    needed, kept = set(outputs), []
     for node in reversed(graph.node):  # ONNX orders nodes so that inputs come first
         if needed.intersection(node.output):
             needed.update(node.input)
@@ -59,7 +65,6 @@ def subgraph(model: bytes, outputs: set[str]) -> bytes:
     for field, items in (("node", kept), ("initializer", weights), ("output", ends)):
         graph.ClearField(field)
         getattr(graph, field).extend(items)
-    return tree.SerializeToString()
 
 
 def open_bundle(
