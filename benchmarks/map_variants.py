@@ -28,29 +28,27 @@ from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, StepResult, build_slam
 
 
-def remembering(bundle: Bundle, most: int | None = None) -> Bundle:
-    """The bundle with a backbone that keeps its outputs and looks them up for a picture that it had before. most: how
-    many pictures are kept, the latest ones; None for all."""
+def remembering(bundle: Bundle) -> Bundle:
+    """The bundle with a backbone that gives its last outputs again for the same picture."""
     opened: dict[int, Network] = {}
 
     def reopen(rows: int) -> Network:
         if rows not in opened:
-            opened[rows] = _remembering(bundle.reopen(rows), most)
+            opened[rows] = _remembering(bundle.reopen(rows))
         return opened[rows]
 
-    return replace(bundle, backbone=_remembering(bundle.backbone, most), reopen=reopen)
+    return replace(bundle, backbone=_remembering(bundle.backbone), reopen=reopen)
 
 
-def _remembering(network: Network, most: int | None) -> Network:
-    known: dict[int, list[NDArray[np.float32]]] = {}
+def _remembering(network: Network) -> Network:
+    last: tuple[int, list[NDArray[np.float32]]] | None = None
 
     def infer(tensors: Tensors) -> Sequence[NDArray[np.float32]]:
+        nonlocal last
         key = zlib.crc32(b"".join(value.tobytes() for value in tensors.values()))
-        if key not in known:
-            if most is not None and len(known) >= most:
-                del known[next(iter(known))]
-            known[key] = [value.copy() for value in network.infer(tensors)]
-        return known[key]
+        if last is None or last[0] != key:
+            last = key, [value.copy() for value in network.infer(tensors)]
+        return last[1]
 
     return replace(network, infer=infer)
 
@@ -68,7 +66,7 @@ def replayed(
 
     Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that is not available.
     """
-    bundle = remembering(bundle, 1)
+    bundle = remembering(bundle)
     with drive_camera(drive, str(drive.folder)) as camera:
         if camera.info.intrinsics is None or camera.info.mount is None:
             raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")

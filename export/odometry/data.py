@@ -1,12 +1,10 @@
 """Drives as training data: cached features of the frozen backbone, with the true motion."""
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +41,7 @@ class FeatureDrive:
 
 
 class FeatureStore:
-    """Cached features in a folder, keyed by the backbone's bytes, its input rule and its feature's name. An interrupted
-    drive is continued.
-    """
+    """Cached features in a folder, keyed by the backbone's bytes, its input rule and its feature's name."""
 
     def __init__(self, part: Backbone, folder: Path, threads: int = 2) -> None:
         self.input = part.detector.input
@@ -78,28 +74,21 @@ class FeatureStore:
         return FeatureDrive(spec, self._features(spec, drive, count)[first:], poses)
 
     def _features(self, spec: str, drive: Drive, count: int) -> NDArray[np.float16]:
-        about = f"{spec} {drive.folder.resolve()} {len(drive.stamps_s)} {_content(drive)}"
-        key = hashlib.sha256(about.encode()).hexdigest()[:16]
-        path, note = self.folder / f"{key}.npy", self.folder / f"{key}.json"
-        self.folder.mkdir(parents=True, exist_ok=True)
-        total = len(drive.stamps_s)
-        saved: dict[str, Any] = json.loads(note.read_text()) if note.is_file() and path.is_file() else {}
-        done = int(saved.get("frames", 0))
-        if done < count:
-            shape = (total, *self.shape[1:])
-            kept = np.lib.format.open_memmap(path, "r+" if done else "w+", np.float16, None if done else shape)
-            preprocess = Preprocessor(self.input)
+        about = f"{spec} {drive.folder.resolve()} {len(drive.stamps_s)} {_content(drive)} {count}"
+        path = self.folder / f"{hashlib.sha256(about.encode()).hexdigest()[:16]}.npy"
+        if not path.is_file():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            part, preprocess = path.with_suffix(".part"), Preprocessor(self.input)
+            kept = np.lib.format.open_memmap(part, "w+", np.float16, (count, *self.shape[1:]))
             with drive_camera(drive, spec) as source:
                 for index in range(count):
                     frame = source.read()
                     if frame is None:
-                        raise ExportError(f"{spec}: ends after {index} pictures, {total} were announced")
-                    if index >= done:
-                        tensors = {self.input.name: preprocess(frame.image)[0]}
-                        kept[index] = self._network.run(tensors)[self._name][0]
+                        raise ExportError(f"{spec}: ends after {index} pictures, {len(drive.stamps_s)} were announced")
+                    kept[index] = self._network.run({self.input.name: preprocess(frame.image)[0]})[self._name][0]
             kept.flush()
-            note.write_text(json.dumps({"data": spec, "frames": count, "feature": self._name}))
-        return np.load(path, mmap_mode="r")[:count]
+            part.replace(path)
+        return np.load(path, mmap_mode="r")
 
 
 def _content(drive: Drive) -> str:
