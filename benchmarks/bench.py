@@ -4,6 +4,7 @@ The step is what `run` drives, over the source's frames in order. Decoding is ou
 robot, whose picture is decoded as a USB camera's.
 """
 
+import resource
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
@@ -146,10 +147,6 @@ def _machine_s() -> float:
 
 def peak_rss_mb() -> float:
     """The most memory that this process has held, MB."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return psutil.Process().memory_info().rss / 1e6
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 

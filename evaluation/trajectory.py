@@ -56,22 +56,14 @@ def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: floa
 
 
 def aligned_errors_m(true: Sequence[SE2], estimated: Sequence[SE2]) -> Array:
-    """Position errors after the best rigid alignment, metres, (N,)."""
-    wanted, estimate = (np.array([(pose.x_m, pose.y_m) for pose in poses]) for poses in (true, estimated))
-    aligned = fit_se2(estimate, wanted).apply(estimate)
-    return np.linalg.norm(aligned - wanted, axis=1)
+    """Position errors after the best rigid alignment, metres, (N,): least squares, closed form.
 
-
-def fit_se2(from_m: Array, to_m: Array) -> SE2:
-    """The SE2 that best takes points (N, 2) to points (N, 2): least squares, closed form.
-
-    Two-dimensional case of Umeyama (1991) without scale. Needs two points that do not coincide.
+    Two-dimensional case of Umeyama (1991) without scale, on x + iy.
     """
-    centre_from, centre_to = from_m.mean(axis=0), to_m.mean(axis=0)
-    a, b = from_m - centre_from, to_m - centre_to
-    yaw = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
-    shift = centre_to - SE2(0.0, 0.0, yaw).apply(centre_from)
-    return SE2(shift[0], shift[1], yaw)
+    wanted, estimate = (np.array([complex(pose.x_m, pose.y_m) for pose in poses]) for poses in (true, estimated))
+    wanted, estimate = wanted - wanted.mean(), estimate - estimate.mean()
+    turn = complex(np.vdot(estimate, wanted))
+    return np.abs((turn / abs(turn) if turn else 1.0) * estimate - wanted)
 
 
 def motion_errors(true: Sequence[SE2], estimated: Sequence[SE2]) -> Array:
