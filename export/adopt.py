@@ -129,15 +129,12 @@ def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, DetectorS
         if np.abs(file.run(black)[head.name][..., 2:4]).max() > LOGARITHMS:
             best = recognise(file, names)
             spec, reading, decode = best.input, best.reading, "reading"
-    features: tuple[FeatureSpec, ...] = ()
-    if feature is not None:
-        features = (_tap(model, path, feature, spec),)
     detector = DetectorSpec(
         file="backbone.onnx",
         input=spec,
         decode=decode,
         heads=heads,
-        features=features,
+        features=() if feature is None else (_tap(model, path, feature, spec),),
         classes=class_entries(classes),
         reading=reading,
     )

@@ -73,8 +73,8 @@ def darknet_backbone(
             if name not in KNOWN or backbone not in DARKNET:
                 raise ExportError(f"{backbone}: --weights FILE is needed")
             weights, sources = obtain(KNOWN[name])
-        header = load_weights(network, weights)
-        about = {"file": weights.name, "sha256": sha256_file(weights), "pictures_seen": header.seen}
+        seen = load_weights(network, weights)
+        about = {"file": weights.name, "sha256": sha256_file(weights), "pictures_seen": seen}
     about["float32_values"] = value_count(network)
     detector = _darknet_detector(network, feature)
     names = list(dict.fromkeys(spec.name for spec in (*detector.heads, *detector.features)))
