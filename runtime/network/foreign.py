@@ -4,6 +4,7 @@ boxes."""
 import ast
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -195,7 +196,9 @@ def _best(
         for probe in pictures:
             tensor, placement = preprocess(probe.image)
             answers.append((probe, file.run(tensor), placement))
-        tried += [_judged(spec, reading, names, answers) for reading, names in _readings(answers, stated, spec)]
+        for reading, named in _readings(answers, stated):
+            with suppress(ValueError):  # cells that are none of this input's, labels that have no name
+                tried.append(_judged(spec, reading, named, answers))
     if not tried:
         lacking = f"no layout that edgemap reads, or more classes than {len(stated) if stated else 'COCO has'}"
         raise BundleError(f"{file.path}: outputs {file.described()} have {lacking}: state them with --names")
@@ -203,9 +206,7 @@ def _best(
     return next(one for one in tried if one.agreement >= NEARLY * most)
 
 
-def _readings(
-    answers: Answers, stated: tuple[str, ...] | None, spec: InputSpec
-) -> Iterator[tuple[Reading, tuple[str, ...]]]:
+def _readings(answers: Answers, stated: tuple[str, ...] | None) -> Iterator[tuple[Reading, tuple[str, ...]]]:
     """Readings that these outputs may have, the usual ones first, with the names of their classes."""
     outputs = answers[0][1]
     for layout in layouts(outputs):
@@ -218,13 +219,7 @@ def _readings(
             largest = max(float(np.abs(boxes).max(initial=0.0)) for boxes in strongest)
             for form in FORMS[layout]:
                 share = largest <= 2.0 and form in ("cxcywh", "xyxy", "yxyx")  # else pixels: a box may leave the input
-                reading = Reading(layout=layout, form=form, share=share, activation=activation)
-                try:
-                    for _, one, _ in answers:
-                        rows_of(one, reading, len(names), MINIMUM_SCORE, (spec.width, spec.height))
-                except ValueError:  # cells that are none of this input's, labels that have no name
-                    continue
-                yield reading, names
+                yield Reading(layout=layout, form=form, share=share, activation=activation), names
 
 
 def _names(count: int | None, layout: Layout, stated: tuple[str, ...] | None) -> list[tuple[str, ...]]:
@@ -239,7 +234,7 @@ def _names(count: int | None, layout: Layout, stated: tuple[str, ...] | None) ->
 
 
 def _judged(spec: InputSpec, reading: Reading, names: tuple[str, ...], answers: Answers) -> Recognised:
-    """A reading with its agreement on the probes."""
+    """A reading with its agreement on the probes. Raises ValueError where the outputs are not of it."""
     agreement, known, whole, count = 0.0, 0, 0, 0
     for probe, outputs, placement in answers:
         corners, scores, labels = rows_of(outputs, reading, len(names), MINIMUM_SCORE, (spec.width, spec.height))
