@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from onnx import ModelProto
 
 from edgemap.export import parity
-from edgemap.export.adopt import adopt, class_entries, of_home, tapped, with_outputs
+from edgemap.export.adopt import adopt, class_entries, tapped, with_outputs
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_cfg import yolov3, yolov3_tiny
 from edgemap.export.darknet_weights import load_weights, random_weights, value_count
@@ -100,7 +99,6 @@ def darknet_backbone(
 def trained_backbone(name: str, feature: str | None) -> Backbone:
     """A detector's best.pt, or our own bundle by name, with a feature tapped. Raises ExportError or BundleError."""
     model, manifest = load_detector(name)
-    manifest = msgspec.structs.replace(manifest, detector=of_home(manifest.detector))
     detector = tapped(model, manifest.detector, Path(name), feature)
     graph = Graph(model)
 
