@@ -4,16 +4,13 @@ The step is what `run` drives, over the source's frames in order. Decoding is ou
 robot, whose picture is decoded as a USB camera's.
 """
 
-import json
-import tempfile
+import resource
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-import onnxruntime as ort
 import psutil
 
 from edgemap.runtime.frames.camera import Camera, next_frame
@@ -22,9 +19,6 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch, percentiles
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 from edgemap.runtime.inputs.drives.pictures import decode_picture
-from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.engines import PROVIDERS, session_options
-from edgemap.runtime.network.network import Compute
 from edgemap.runtime.step.slam import SemanticSlam
 
 CHUNK = 30  # frames decoded ahead
@@ -153,10 +147,6 @@ def _machine_s() -> float:
 
 def peak_rss_mb() -> float:
     """The most memory that this process has held, MB."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return psutil.Process().memory_info().rss / 1e6
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 
@@ -207,29 +197,3 @@ def measure_at_rest(open_standing: OpenDrive, seconds: float, rate_hz: float) ->
             camera.read()
         whole = found["cpu_percent"] + 0.1 * camera.decode_ms * rate_hz
         return kept | {"decode_ms": round(camera.decode_ms, 3), "cpu_percent_with_decoding": round(whole, 1)}
-
-
-ROUNDS = 40
-
-
-def floor_head_ms(bundle: Bundle) -> float | None:
-    """Time of the head's operators on one thread in onnxruntime, ms: the sum of each one's median, which other programs
-    hardly change; None without a floor head. It is part of the stage `backbone`."""
-    floor = bundle.manifest.detector.floor
-    if floor is None:
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        options = session_options(Compute(), bundle.detector.input.height)
-        options.enable_profiling, options.profile_file_prefix = True, str(Path(folder) / "run")
-        path = str(bundle.folder / bundle.manifest.detector.file)
-        session = ort.InferenceSession(path, options, providers=PROVIDERS)
-        tensors = {name: np.zeros(shape, np.float32) for name, shape in bundle.backbone.inputs.items()}
-        for _ in range(ROUNDS):
-            session.run(None, tensors)
-        events = json.loads(Path(session.end_profiling()).read_text())
-    laps_us: dict[str, list[float]] = {}
-    for event in events:
-        name = event["name"]
-        if event.get("cat") == "Node" and name.startswith(floor.name) and name.endswith("_kernel_time"):
-            laps_us.setdefault(name, []).append(event["dur"])
-    return round(sum(float(np.median(laps)) for laps in laps_us.values()) / 1e3, 3)

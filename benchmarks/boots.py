@@ -32,11 +32,10 @@ Truth = dict[str, tuple[str, tuple[float, float]]]  # label and place by piece, 
 
 @dataclass(frozen=True)
 class BootsOptions:
-    """homes: folders of drives 0 to 4. known_start: each boot gets its start pose."""
+    """homes: folders of drives 0 to 4."""
 
     homes: Annotated[tuple[Path, ...], tyro.conf.Positional]
     bundle: str = "edgemap-nano"
-    known_start: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     json: bool = False
 
 
@@ -107,13 +106,12 @@ def drive_once(drive: Path, place: Path, boot: int, options: BootsOptions) -> bo
     from edgemap.runtime.outputs.sinks.living_map import LivingMap
     from edgemap.runtime.step.loop import steps
 
-    start = start_of(drive) if boot and options.known_start else None
     with open_camera(f"drive:{drive}") as camera:
         lens, mount = camera.info.intrinsics, camera.info.mount
         if lens is None or mount is None:
             raise SystemExit(f"{drive}: no intrinsics or no mount")
         bundle = load_bundle(bundle_folder(options.bundle))
-        slam = compose(camera, bundle, FloorCamera(lens, mount), RunSpec(map=place, start=start))
+        slam = compose(camera, bundle, FloorCamera(lens, mount), RunSpec(map=place))
         slam.clock = clock(boot)
         sink = LivingMap(place, lambda: slam.mapper.searching)
         for _ in steps(camera, slam, [sink]):
@@ -122,15 +120,10 @@ def drive_once(drive: Path, place: Path, boot: int, options: BootsOptions) -> bo
     return not slam.mapper.searching
 
 
-def start_of(drive: Path) -> str:
-    """Where a drive starts in the first one's frame: X,Y,YAW_DEG."""
-    path = drive / "moved.json"
-    return ",".join(map(str, json.loads(path.read_text())["start"] if path.is_file() else (0, 0, 0)))
-
-
 def truth_of(drive: Path) -> Truth:
-    """The pieces of a drive's home."""
-    x_m, y_m, yaw_deg = map(float, start_of(drive).split(","))
+    """The pieces of a drive's home, in the first drive's frame, of which moved.json has this one's start."""
+    path = drive / "moved.json"
+    x_m, y_m, yaw_deg = json.loads(path.read_text())["start"] if path.is_file() else (0.0, 0.0, 0.0)
     pose, records = SE2(x_m, y_m, radians(yaw_deg)), json.loads((drive / "objects.json").read_text())["objects"]
     places = {str(one["id"]): (one["label"], pose.apply(np.array([one["x_m"], one["y_m"]]))) for one in records}
     return {piece: (label, (float(at[0]), float(at[1]))) for piece, (label, at) in places.items()}

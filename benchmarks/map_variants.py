@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M, TrueFloor
+from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M
 from edgemap.evaluation.objects import TrueObject
 from edgemap.evaluation.rooms import TruePlan, score_rooms
 from edgemap.geometry.camera.floor import FloorCamera
@@ -28,29 +28,27 @@ from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, StepResult, build_slam
 
 
-def remembering(bundle: Bundle, most: int | None = None) -> Bundle:
-    """The bundle with a backbone that keeps its outputs and looks them up for a picture that it had before. most: how
-    many pictures are kept, the latest ones; None for all."""
+def remembering(bundle: Bundle) -> Bundle:
+    """The bundle with a backbone that gives its last outputs again for the same picture."""
     opened: dict[int, Network] = {}
 
     def reopen(rows: int) -> Network:
         if rows not in opened:
-            opened[rows] = _remembering(bundle.reopen(rows), most)
+            opened[rows] = _remembering(bundle.reopen(rows))
         return opened[rows]
 
-    return replace(bundle, backbone=_remembering(bundle.backbone, most), reopen=reopen)
+    return replace(bundle, backbone=_remembering(bundle.backbone), reopen=reopen)
 
 
-def _remembering(network: Network, most: int | None) -> Network:
-    known: dict[int, list[NDArray[np.float32]]] = {}
+def _remembering(network: Network) -> Network:
+    last: tuple[int, list[NDArray[np.float32]]] | None = None
 
     def infer(tensors: Tensors) -> Sequence[NDArray[np.float32]]:
+        nonlocal last
         key = zlib.crc32(b"".join(value.tobytes() for value in tensors.values()))
-        if key not in known:
-            if most is not None and len(known) >= most:
-                del known[next(iter(known))]
-            known[key] = [value.copy() for value in network.infer(tensors)]
-        return known[key]
+        if last is None or last[0] != key:
+            last = key, [value.copy() for value in network.infer(tensors)]
+        return last[1]
 
     return replace(network, infer=infer)
 
@@ -68,7 +66,7 @@ def replayed(
 
     Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that is not available.
     """
-    bundle = remembering(bundle, 1)
+    bundle = remembering(bundle)
     with drive_camera(drive, str(drive.folder)) as camera:
         if camera.info.intrinsics is None or camera.info.mount is None:
             raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
@@ -82,17 +80,17 @@ def replayed(
     return slams
 
 
-def true_floor(drive: Drive) -> TrueFloor | None:
+def true_plan(drive: Drive) -> TruePlan | None:
     """The drive's floor plan, where it has one. What hangs high over the floor, or is flat, is no obstacle. Raises
     CameraError."""
     plan = read_floor_plan(drive.folder)
     if plan is None:
         return None
     standing = [item for item in plan.footprints if item.low_m <= OVERHEAD_M and item.high_m > FLAT_M]
-    floor, walls, footprints = (
-        [np.array(area.corners_m) for area in areas] for areas in ([*plan.rooms, *plan.doorways], plan.walls, standing)
+    rooms, doorways, walls, footprints = (
+        [np.array(area.corners_m) for area in areas] for areas in (plan.rooms, plan.doorways, plan.walls, standing)
     )
-    return TrueFloor(floor, walls, footprints)
+    return TruePlan(rooms, [room.kind for room in plan.rooms], doorways, walls, footprints)
 
 
 def room_figures(
@@ -103,13 +101,9 @@ def room_figures(
     frames: int | None = None,
 ) -> dict[str, Any]:
     """Rooms and doors of a map against the drive's floor plan; empty where it has none. Raises CameraError."""
-    plan = read_floor_plan(drive.folder)
-    if plan is None or drive.truth is None or drive.intrinsics is None:
+    truth = true_plan(drive)
+    if truth is None or drive.truth is None or drive.intrinsics is None:
         return {}
-    rooms, walls, doorways = (
-        [np.array(area.corners_m) for area in areas] for areas in (plan.rooms, plan.walls, plan.doorways)
-    )
-    truth = TruePlan(rooms, [room.kind for room in plan.rooms], doorways, walls)
     view_rad = 2.0 * math.atan(drive.intrinsics.width / 2.0 / drive.intrinsics.fx)
     return score_rooms(*rooms_of(objects, annotations, grid), truth, drive.truth.poses[:frames], view_rad)
 

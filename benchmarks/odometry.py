@@ -1,7 +1,7 @@
 """An odometry on drives with true poses: what `edgemap eval odometry` and the paper's tables are made of."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import degrees, inf
 from pathlib import Path
@@ -14,19 +14,18 @@ from edgemap.evaluation.odometry import (
     INDOOR_LENGTHS_M,
     KITTI_LENGTHS_M,
     DriveErrors,
-    availability,
     errors_of,
     figures,
     worst_drive,
 )
 from edgemap.evaluation.trajectory import attitude_figures, integrated, planar_fit
-from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera, CameraOptions
 from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import open_camera
@@ -40,68 +39,6 @@ from edgemap.runtime.step.pipeline import Pipeline
 
 NO_REST = RestRule(shifted_px=-inf)  # what an odometry says of a robot that stands is judged as well
 OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Followed:
-    """N frames of a drive. indices: which of the camera's frames. true, estimated: N poses of the base in the frame of
-    the first one. covariances: (N - 1, 3, 3) of the estimated motions. faults: motions that were guesses.
-    attitudes: N, as given to the odometry. members: of each motion, as of `Motion.members`; an odometry that has none
-    is its own."""
-
-    indices: tuple[int, ...]
-    stamps_s: NDArray[np.float64]
-    true: tuple[SE2, ...]
-    estimated: tuple[SE2, ...]
-    covariances: NDArray[np.float64]
-    faults: int
-    attitudes: tuple[Attitude | None, ...] = ()
-    members: tuple[Mapping[str, str], ...] = ()
-
-
-def follow(
-    camera: Camera,
-    pipeline: Pipeline,
-    *,
-    first: int = 0,
-    every: int = 1,
-    frames: int | None = None,
-    progress: Callable[[], object] = lambda: None,
-) -> Followed:
-    """Passes every `every`-th frame from `first` on, at most `frames`, through the front end, and integrates the
-    motions. progress: called after each frame. Raises OdometryError where the camera brings no true poses or fewer than
-    two frames.
-    """
-    if camera.info.truth is None:
-        raise OdometryError(f"{camera.info.name} brings no true poses of its own to compare with")
-    indices: list[int] = []
-    true: list[SE2] = []
-    observed: list[FrameObservations] = []
-    skipped: list[ImuSamples] = []
-    while (frames is None or len(indices) < frames) and (frame := camera.read()) is not None:
-        skipped.append(frame.imu)
-        if frame.index < first or (frame.index - first) % every:
-            continue
-        frame, skipped = replace(frame, imu=ImuSamples.joined(skipped), index=len(indices)), []
-        observed.append(pipeline.step(frame))
-        true.append(camera.info.truth.at(frame.stamp_s))
-        indices.append(first + every * len(indices))
-        progress()
-    if len(indices) < 2:
-        raise OdometryError(f"{camera.info.name}: {len(indices)} frames from frame {first} on, a motion needs two")
-    start, motions = true[0].inverse(), [one.motion for one in observed[1:]]
-    guessed = [motion.blind for motion in motions]
-    name = pipeline.odometry.name
-    return Followed(
-        tuple(indices),
-        np.array([one.stamp_s for one in observed]),
-        tuple(start @ pose for pose in true),
-        tuple(integrated([motion.motion for motion in motions])),
-        np.array([motion.covariance for motion in motions]),
-        sum(guessed),
-        tuple(one.camera.attitude if one.camera else None for one in observed),
-        tuple(m.members or {name: "blind" if b else "used"} for m, b in zip(motions, guessed, strict=True)),
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,38 +62,28 @@ class Selection:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredDrive:
-    """One drive, followed and compared with its truth. planar_fit: as of `evaluation.planar_fit`, None for data whose
-    poses are planar already. attitude: as of `evaluation.attitude`."""
+    """One drive, followed and compared with its truth. true, estimated: poses of the base in the frame of the first
+    one. document: all its figures and facts."""
 
-    spec: str
-    mount: Mount
-    followed: Followed
+    true: list[SE2]
+    estimated: list[SE2]
     errors: DriveErrors
-    planar_fit: dict[str, float | None] | None
-    attitude: dict[str, Any]
-
-    def document(self) -> dict[str, Any]:
-        """All figures and facts of the drive."""
-        rate_hz = 1.0 / float(np.median(np.diff(self.followed.stamps_s)))
-        mount = {"height_m": self.mount.height_m, "pitch_deg": round(degrees(self.mount.pitch_rad), 3)}
-        facts = {"data": self.spec, "rate_hz": round(rate_hz, 3), "mount": mount, "faults": self.followed.faults}
-        fit = {} if self.planar_fit is None else {"planar_fit": self.planar_fit}
-        shares = availability(self.followed.members)
-        return {**facts, **figures([self.errors]), **fit, "attitude": self.attitude, "availability": shares}
+    document: dict[str, Any]
 
 
 def score_drive(
     spec: str, odometry: str, bundle: Bundle, selection: Selection, progress: Callable[[], object] = lambda: None
 ) -> ScoredDrive:
-    """Follow `KIND:DIR`, a recording, or `demo`, with the odometry of that SPEC.
+    """Follow `KIND:DIR`, a recording, or `demo`, with the odometry of that SPEC. progress: called after each frame.
 
-    Raises CameraError for data, OdometryError for an odometry that is not available, or data without truth or mount.
+    Raises CameraError for data, OdometryError for an odometry that is not available, or data without truth or mount, or
+    with fewer than two frames.
     """
     camera, full = _open(spec, selection.depth)
     with camera:
-        if camera.info.truth is None:
+        truth, mount = camera.info.truth, camera.info.mount or selection.mount
+        if truth is None:
             raise OdometryError(f"{spec} brings no true poses of its own to compare with")
-        mount = camera.info.mount or selection.mount
         if camera.info.intrinsics is None or mount is None:
             missing = "lens" if camera.info.intrinsics is None else "mount"
             raise OdometryError(f"{spec}: {missing} unknown: write it into its camera.yaml, or give --mount")
@@ -168,26 +95,53 @@ def score_drive(
         rules = tuned.odometry, tuned.health, tuned.attitude.check.tilt
         motion = open_odometry(odometry, bundle, camera, floor, selection.wheels, *rules)
         attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude, tuned.health, tuned.odometry)
-        step = Pipeline(bundle, floor, motion, config=replace(tuned, rest=NO_REST), attitude=attitude)
-        followed = follow(
-            camera, step, first=selection.first, every=selection.every, frames=selection.frames, progress=progress
-        )
-        lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)
+        pipeline = Pipeline(bundle, floor, motion, config=replace(tuned, rest=NO_REST), attitude=attitude)
+        observed: list[FrameObservations] = []
+        for frame in _chosen(camera, selection):
+            observed.append(pipeline.step(frame))
+            progress()
+        if len(observed) < 2:
+            first = selection.first
+            raise OdometryError(f"{spec}: {len(observed)} frames from frame {first} on, a motion needs two")
         known = camera.info.attitudes
-        level = None if known is None else [known.at(stamp_s, mount.height_m) for stamp_s in followed.stamps_s]
-        attitudes = attitude_figures(followed.attitudes, level)
-        errors = errors_of(followed.true, followed.estimated, followed.covariances, lengths, followed.stamps_s)
-        fit = None if full is None else planar_fit(full[list(followed.indices)], lengths)
-        return ScoredDrive(spec, mount, followed, errors, fit, attitudes)
+    stamps_s, motions = np.array([one.stamp_s for one in observed]), [one.motion for one in observed[1:]]
+    true = [truth.at(stamp_s) for stamp_s in stamps_s]
+    true = [true[0].inverse() @ pose for pose in true]
+    estimated = integrated([one.motion for one in motions])
+    lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)
+    errors = errors_of(true, estimated, np.array([one.covariance for one in motions]), lengths, stamps_s)
+    level = None if known is None else [known.at(stamp_s, mount.height_m) for stamp_s in stamps_s]
+    document: dict[str, Any] = {
+        "data": spec,
+        "rate_hz": round(1.0 / float(np.median(np.diff(stamps_s))), 3),
+        "mount": {"height_m": mount.height_m, "pitch_deg": round(degrees(mount.pitch_rad), 3)},
+        "faults": sum(one.blind for one in motions),
+        **figures([errors]),
+        "attitude": attitude_figures([one.camera.attitude if one.camera else None for one in observed], level),
+    }
+    if full is not None:
+        chosen = full[selection.first :: selection.every][: len(true)]
+        document["planar_fit"] = planar_fit(chosen, lengths)
+    return ScoredDrive(true, estimated, errors, document)
+
+
+def _chosen(camera: Camera, selection: Selection) -> Iterator[Frame]:
+    """The frames that are evaluated, numbered from 0; each brings the IMU's samples of those left out before it."""
+    skipped: list[ImuSamples] = []
+    count = 0
+    while (selection.frames is None or count < selection.frames) and (frame := camera.read()) is not None:
+        skipped.append(frame.imu)
+        if frame.index >= selection.first and (frame.index - selection.first) % selection.every == 0:
+            yield replace(frame, imu=ImuSamples.joined(skipped), index=count)
+            skipped, count = [], count + 1
 
 
 def together(drives: dict[str, ScoredDrive]) -> dict[str, Any]:
     """The document of `edgemap eval odometry`: figures of each sequence by name, and of all sequences pooled."""
     errors = {name: drive.errors for name, drive in drives.items()}
     total = {"sequences": len(drives), **figures(list(errors.values())), "worst": worst_drive(errors)}
-    total["faults"] = sum(drive.followed.faults for drive in drives.values())
-    total["availability"] = availability([step for drive in drives.values() for step in drive.followed.members])
-    return {"sequences": {name: drive.document() for name, drive in drives.items()}, "total": total}
+    total["faults"] = sum(drive.document["faults"] for drive in drives.values())
+    return {"sequences": {name: drive.document for name, drive in drives.items()}, "total": total}
 
 
 def sequence_names(specs: Sequence[str]) -> list[str]:

@@ -102,25 +102,26 @@ def _data(document: dict[str, Any]) -> str:
 
 def _detections(found: dict[str, dict[str, Any] | None]) -> str:
     head = ["sequence", "frames", "chairs", "found", "false", "missed", "all mapped", "found", "false", "missed"]
-    keys = ("true", "found", "false", "missed")
-    rows: list[list[str]] = []
-    for name, own in found.items():
-        if own is None:
-            rows.append([name, *[NONE] * 9])
-            continue
-        chairs = [NONE] * 4 if own["chair"] is None else [str(own["chair"][key]) for key in keys]
-        rows.append([name, str(own["frames"]), *chairs, *(str(own["mapped"][key]) for key in keys)])
     known = [own for own in found.values() if own is not None]
+    rows = [[name, *([NONE] * 9 if own is None else _counts([own]))] for name, own in found.items()]
     if len(known) > 1:
-        chairs = [str(sum(own["chair"][key] for own in known)) if known[0]["chair"] else NONE for key in keys]
-        mapped = [str(sum(own["mapped"][key] for own in known)) for key in keys]
-        rows.append(["**all**", str(sum(own["frames"] for own in known)), *chairs, *mapped])
+        rows.append(["**all**", *_counts(known)])
     without = "" if len(known) == len(found) else "\n\nA dash: no true boxes come with that sequence."
     paper = table(
         ["sequence", "total chairs", "chairs detected", "false detection", "not detected"],
         [[name, *map(str, values)] for name, values in TABLE_2.items()],
     )
     return f"{table(head, rows)}{without}\n\nThe paper's own, in 100 random frames:\n\n{paper}"
+
+
+def _counts(several: Sequence[dict[str, Any]]) -> list[str]:
+    """Frames, and counts of chairs and of all mapped classes, of several sequences together."""
+    counts = [
+        sum(own[kind][key] for own in several)
+        for kind in ("chair", "mapped")
+        for key in ("true", "found", "false", "missed")
+    ]
+    return [str(sum(own["frames"] for own in several)), *map(str, counts)]
 
 
 def _odometry(

@@ -7,7 +7,7 @@ DIR/paper_tables.json every figure, DIR/ways/ the ways over the true ones (the p
 
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -123,15 +123,9 @@ def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any]
         pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, detector(image), number))
     counted = counts_by_class(pictures)
     by_class = {name: counted.get(number[name], Counts()) for name in sorted(bundle.mapped)}
-    counts = {"chair": by_class.get("chair"), "mapped": sum(by_class.values(), Counts())}
-    return {
-        "frames": len(pictures),
-        "score": bundle.manifest.confidence,
-        **{
-            name: None if c is None else {"true": c.true, "found": c.found, "false": c.false, "missed": c.missed}
-            for name, c in counts.items()
-        },
-    }
+    counts = {"chair": by_class.get("chair", Counts()), "mapped": sum(by_class.values(), Counts())}
+    rows = {name: asdict(one) | {"missed": one.missed} for name, one in counts.items()}
+    return {"frames": len(pictures), "score": bundle.manifest.confidence, **rows}
 
 
 def _ways(scored: dict[str, dict[str, ScoredDrive]], folder: Path) -> dict[str, str]:
@@ -143,7 +137,7 @@ def _ways(scored: dict[str, dict[str, ScoredDrive]], folder: Path) -> dict[str, 
         return {}
     drawn: dict[str, str] = {}
     for name in dict.fromkeys(name for drives in scored.values() for name in drives):
-        ways = {column: drives[name].followed for column, drives in scored.items() if name in drives}
+        ways = {column: drives[name] for column, drives in scored.items() if name in drives}
         file = f"{''.join(letter if letter.isalnum() else '-' for letter in name)}.png"
         true = next(iter(ways.values())).true
         plot_ways(folder / file, name, true, {column: way.estimated for column, way in ways.items()})

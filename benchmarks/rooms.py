@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from math import degrees
 from pathlib import Path
 from statistics import fmean, median
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 
@@ -47,7 +47,7 @@ SUMS = Path(__file__).with_name("frozen.json")
 @dataclass(frozen=True)
 class RoomsOptions:
     """data: drive folders that exist, or folders of them; then nothing is rendered. seeds: A:B, homes from A up to, not
-    including, B. light: as of `simulate`, else drawn. out: where rendered drives go. only: names of variants, all by
+    including, B. out: where rendered drives go. only: names of variants, all by
     default."""
 
     data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR...")] = ()
@@ -57,7 +57,6 @@ class RoomsOptions:
     bundle: str = "edgemap-nano"
     odometry: str = "hybrid"
     only: tuple[str, ...] = ()
-    light: Literal["day", "lamp", "mixed", "dim", "changing"] | None = None
     out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/rooms")
     json: bool = False
 
@@ -69,7 +68,7 @@ def main(options: RoomsOptions) -> None:
     from edgemap.runtime.step.slam import SlamOptions
 
     if options.frozen:
-        options = replace(options, seeds=FROZEN_SEEDS, frames=FROZEN_FRAMES, light=None)
+        options = replace(options, seeds=FROZEN_SEEDS, frames=FROZEN_FRAMES)
     if unknown := sorted(set(options.only) - set(VARIANTS)):
         sys.exit(f"--only {', '.join(unknown)}: expected some of {', '.join(VARIANTS)}")
     chosen = {name: rule for name, rule in VARIANTS.items() if name in (options.only or VARIANTS)}
@@ -79,7 +78,7 @@ def main(options: RoomsOptions) -> None:
     }
     bundle = open_bundle(bundle_folder(options.bundle), RENDERED, pace="files")
     rows: list[dict[str, Any]] = []
-    homes = rendered(options.seeds, options.frames, options.out, options.light)
+    homes = rendered(options.seeds, options.frames, options.out)
     for folder in drives_in(options.data) if options.data else homes:
         if options.frozen:
             check_sums(folder)
@@ -87,7 +86,7 @@ def main(options: RoomsOptions) -> None:
         if not options.json:
             print(_home(rows[-1]), flush=True)
     if options.json:
-        document = {"bundle": options.bundle, "frames": options.frames, "light": options.light, "homes": rows}
+        document = {"bundle": options.bundle, "frames": options.frames, "homes": rows}
         for kind in ("mean", "worst"):
             document[kind] = {variant: over_homes(rows, variant)[kind] for variant in variants}
         document["closure_f1"] = {closed: gains(rows, closed, none) for closed, none in CLOSURES if none in variants}
@@ -178,7 +177,7 @@ def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) ->
     return {**facts, "maps": maps}
 
 
-def rendered(seeds: str, frames: int, out: Path, light: str | None = None) -> Iterator[Path]:
+def rendered(seeds: str, frames: int, out: Path) -> Iterator[Path]:
     """Drives in `out` through the homes of the seeds A:B, rendered one by one where they are missing.
 
     Ends the program with the command's own line where `edgemap simulate` fails, or the seeds are not A:B.
@@ -187,8 +186,7 @@ def rendered(seeds: str, frames: int, out: Path, light: str | None = None) -> It
     if not (colon and first.isdecimal() and end.isdecimal()):
         sys.exit(f"--seeds {seeds}: expected A:B")
     for seed in range(int(first), int(end)):
-        drive = out / f"{seed}{'' if light is None else f'-{light}'}"
-        options = ["--seed", str(seed), "--frames", str(frames), *([] if light is None else ["--light", light])]
+        drive, options = out / str(seed), ["--seed", str(seed), "--frames", str(frames)]
         command = [sys.executable, "-m", "edgemap.cli", "simulate", *options, "-o", str(drive)]
         if (done := subprocess.run(command, capture_output=True, text=True)).returncode:
             sys.exit(f"edgemap simulate {' '.join(options)}: {done.stderr.strip()}")

@@ -18,7 +18,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from edgemap.benchmarks.map_variants import room_figures, true_floor, true_objects
+from edgemap.benchmarks.map_variants import room_figures, true_objects, true_plan
 from edgemap.benchmarks.rooms import drives_in, number
 from edgemap.evaluation.footprints import score_footprints
 from edgemap.evaluation.grid import score_grid
@@ -96,7 +96,7 @@ def scored_home(found: Path | None, home: Path, frames: int) -> dict[str, Any]:
     row = {"home": home.name, "map": found and str(found)}
     row |= {name: figures[name] for name in (*FIGURES, *(BY_COVARIANCE if known else ()))}
     row |= {"footprint": shapes} if shapes and any(item.measured for item in objects) else {}
-    plan = true_floor(drive)
+    plan = true_plan(drive)
     if grid is None or plan is None:
         return row
     return row | {"grid": score_grid(grid, plan)} | room_figures(objects, annotations, grid, drive, frames)

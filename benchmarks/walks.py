@@ -8,11 +8,12 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import degrees
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
 
+from edgemap.benchmarks.map_variants import replayed, true_objects
 from edgemap.evaluation.objects import score_map
 from edgemap.evaluation.trajectory import (
     attitude_figures,
@@ -25,11 +26,12 @@ from edgemap.evaluation.trajectory import (
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from edgemap.runtime.inputs.drives import Drive
-    from edgemap.runtime.network.bundle import Bundle
-    from edgemap.runtime.step.config import Config
+from edgemap.runtime.inputs.drives import Drive, open_drive
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.open_bundle import open_bundle
+from edgemap.runtime.network.store import LENS, bundle_folder
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.slam import SlamOptions, StepResult
 
 LENGTHS_M = (1.0, 2.0, 5.0)
 WINDOWS_S = (1.0, 5.0)
@@ -59,10 +61,6 @@ class WalksOptions:
 
 def main(options: WalksOptions) -> None:
     """Follow, map, score, and print a line of means and one of worst figures for each drive."""
-    from edgemap.runtime.inputs.drives import open_drive
-    from edgemap.runtime.network.open_bundle import open_bundle
-    from edgemap.runtime.network.store import LENS, bundle_folder
-
     bundle = open_bundle(bundle_folder(options.bundle), LENS, pace="files")
     document: dict[str, Any] = {}
     for spec in options.data:
@@ -77,21 +75,16 @@ def main(options: WalksOptions) -> None:
         print(json.dumps(document, indent=1))
 
 
-def with_corners(count: int) -> "Config":
+def with_corners(count: int) -> Config:
     """The tree with this number of corners."""
-    from edgemap.runtime.step.config import Config
-
     tree = Config()
     rule = tree.odometry.pictures
     rule = replace(rule, corners=replace(rule.corners, corners=count))
     return replace(tree, odometry=replace(tree.odometry, pictures=rule))
 
 
-def walk(drive: "Drive", bundle: "Bundle", config: "Config", options: WalksOptions) -> dict[str, float | None]:
+def walk(drive: Drive, bundle: Bundle, config: Config, options: WalksOptions) -> dict[str, float | None]:
     """The figures of one run over one drive."""
-    from edgemap.benchmarks.map_variants import replayed, true_objects
-    from edgemap.runtime.step.slam import SlamOptions, StepResult
-
     if drive.truth is None or drive.mount is None:
         raise SystemExit(f"{drive.folder}: no true poses, or no mount")
     stamps, steps, covariances, tilts, lost = list[float](), list[SE2](), [], list[Attitude | None](), 0

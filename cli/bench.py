@@ -45,7 +45,7 @@ def command(
     import psutil
 
     from edgemap.benchmarks import bench
-    from edgemap.benchmarks.bench import StandingCamera, floor_head_ms, measure_at_rest
+    from edgemap.benchmarks.bench import StandingCamera, measure_at_rest
     from edgemap.runtime.frames.camera import Camera, next_frame
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.network.engines import processor_name
@@ -89,7 +89,6 @@ def command(
         "decode_ms": round(decode_ms, 3),
         "cold_start_s": round(cold_start_s, 3),
         "peak_rss_mb": round(peak_rss_mb, 1),
-        "floor_head_ms": floor_head_ms(files.for_pictures(*first.image.shape[1::-1])),
         "threads": files.compute.threads,
         "paced_threads": paced.compute.threads,
         "detect_every": max(1, round(unpaced["fps"] / (unpaced["searched_hz"] or unpaced["fps"]))),
@@ -142,8 +141,6 @@ def _print_figures(document: dict[str, Any]) -> None:
     for name, values in [*document["stages_ms"].items(), ("full step", document["latency_ms"])]:
         cpu_ms = document["stages_cpu_ms"].get(name, document["cpu_ms_per_frame"])
         print(f"  {name:<14} {values['p50']:8.2f} {values['p95']:8.2f} {values['p99']:8.2f} {cpu_ms:8.2f}")
-    if (floor_ms := document["floor_head_ms"]) is not None:
-        print(f"  {'floor head':<14} {'':26} {floor_ms:8.2f}  of the backbone's, on one thread")
     for name, leg in document["paced"].items():
         title = name if name == "unpaced" else f"at {name} Hz"
         print(

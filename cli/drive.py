@@ -203,7 +203,7 @@ class Run:
 
     def _publishers(self, edits: Edits) -> list[Sink]:
         """Sinks of the recording and of other programs."""
-        inference, guess = Inference(self.loaded.engine, self.loaded.precision), self.record.get("camera_guess")
+        inference, guess = Inference(self.loaded.compute.engine, self.loaded.precision), self.record.get("camera_guess")
         saved = self.place.path if self.place and self.place.exists else None
         labels = self.loaded.names, minimum_score(self.options.map.confidence, self.loaded)
         run = RunInfo(self.folder, self.source, self.floor, edits, inference, saved, guess, self._verdict, *labels)

@@ -97,7 +97,7 @@ def command(
             if mistakes:
                 mistakes.add(image, shown[-1])
     document: dict[str, Any] = {"data": data, "bundle": loaded.manifest.name}
-    document |= {"precision": loaded.precision, "engine": loaded.engine}
+    document |= {"precision": loaded.precision, "engine": loaded.compute.engine}
     document |= average_precision(pictures, loaded.names)
     point = operating_point(shown, loaded.names)
     at_point = point.pop("per_class")

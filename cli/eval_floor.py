@@ -62,7 +62,7 @@ def command(
         assert mask is not None
         score.add(mask, read_floor_labels(labels, (mask.width, mask.height)), camera)
     document: dict[str, Any] = {"data": data, "bundle": loaded.manifest.name}
-    document |= {"precision": loaded.precision, "engine": loaded.engine, **score.row()}
+    document |= {"precision": loaded.precision, "engine": loaded.compute.engine, **score.row()}
     if json:
         print_json(document)
         return

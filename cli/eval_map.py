@@ -53,7 +53,7 @@ def command(
     """
     from itertools import pairwise
 
-    from edgemap.benchmarks.map_variants import replayed, room_figures, true_floor, true_objects
+    from edgemap.benchmarks.map_variants import replayed, room_figures, true_objects, true_plan
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.footprints import score_footprints
     from edgemap.evaluation.grid import score_grid
@@ -73,7 +73,7 @@ def command(
         drive = replace(drive, depth=()) if without_depth else drive
         if not drive.objects or drive.truth is None or drive.mount is None:
             raise CameraError(f"{data}: eval map needs true poses, a mount and objects.json")
-        truth, plan = true_objects(drive, frames), true_floor(drive)
+        truth, plan = true_objects(drive, frames), true_plan(drive)
         wanted = scored(truth)
         count = min(frames or len(drive.stamps_s), len(drive.stamps_s))
         poses = drive.truth.poses[:count]
@@ -82,7 +82,7 @@ def command(
             "data": data,
             "bundle": loaded.manifest.name,
             "precision": loaded.precision,
-            "engine": loaded.engine,
+            "engine": loaded.compute.engine,
             "odometry": motion.odometry,
             "wheels": drive.wheel is not None and not motion.without_wheels,
             "imu": drive.imu is not None and not motion.without_imu,

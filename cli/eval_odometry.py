@@ -93,10 +93,9 @@ def command(
         if plot:
             from edgemap.plots.trajectories import plot_ways
 
-            followed = drives[name].followed
-            plot_ways(plot / f"{_file_name(name)}.png", name, followed.true, {odometry: followed.estimated})
-    document: dict[str, Any] = {"bundle": loaded.manifest.name, "precision": loaded.precision, "engine": loaded.engine}
-    document |= {"odometry": odometry} | together(drives)
+            plot_ways(plot / f"{_file_name(name)}.png", name, drives[name].true, {odometry: drives[name].estimated})
+    document: dict[str, Any] = {"bundle": loaded.manifest.name, "precision": loaded.precision}
+    document |= {"engine": loaded.compute.engine, "odometry": odometry} | together(drives)
     for name, spec in zip(names, specs, strict=True):
         document["sequences"][name]["data"] = spec
     if json:
@@ -162,9 +161,6 @@ def _print(own: dict[str, Any]) -> None:
         off = f"{fit['mean_m']:.2f} m, {fit['mean_percent']:.2g} % of the path, at most {fit['max_m']:.2f} m{drift}"
         height = f"{fit['height_mean_m']:.2f} m, at most {fit['height_max_m']:.2f} m"
         print(f"  3 of 6    integrated, off the full poses: {off}; height left out: {height}")
-    for member, shares in own["availability"].items():
-        line = ", ".join(f"{key.replace('_', ' ')} {100 * share:.1f} %" for key, share in shares.items())
-        print(f"  {member:<9} {line}")
     if attitude := own.get("attitude"):
         _print_attitude(attitude)
     if worst := own.get("worst"):

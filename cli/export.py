@@ -74,10 +74,10 @@ def command(
     difference goes into bundle.json. A bundle that fails is not left behind.
     """
     need("export", "edgemap export")
-    from edgemap.export.detector.network import is_detector
     from edgemap.export.exporter import export_backbone
-    from edgemap.export.floor.checkpoint import is_floor, load_floor
+    from edgemap.export.floor.checkpoint import load_floor
     from edgemap.export.odometry.checkpoint import load_head
+    from edgemap.export.torch_files import kind_of
     from edgemap.runtime.network.manifest_file import read_manifest
 
     if int8 and calibrate is None:
@@ -85,13 +85,14 @@ def command(
     if calibrate is not None and not int8:
         raise UsageError(f"--calibrate {calibrate} is for --int8")
     heads = list(head)
-    if checkpoint is not None and is_detector(checkpoint):
+    kind = kind_of(checkpoint) if checkpoint else ""
+    if kind == "detector":
         if backbone is not None:
             raise UsageError(f"{checkpoint} is a detector itself: --backbone {backbone} does not go with it")
         backbone = str(checkpoint)
     elif checkpoint is not None:
         heads.insert(0, checkpoint)
-        named = load_floor(checkpoint) if is_floor(checkpoint) else load_head(checkpoint)
+        named = load_floor(checkpoint) if kind == "floor" else load_head(checkpoint)
         backbone = backbone or named.backbone
     if backbone is None:
         raise UsageError("what to export? edgemap export CHECKPOINT -o DIR, or edgemap export --backbone NAME -o DIR")

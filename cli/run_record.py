@@ -55,7 +55,7 @@ def run_record(
         record |= {"map": str(options.map.saved), "start": options.map.start, "map_continued": continued}
     # Engine and precision where they were asked for, or are not the defaults: a recording may bring them.
     inputs, usual = options.inputs(), asdict(Inference())
-    decided = asdict(Inference(loaded.engine, loaded.precision)).items()
+    decided = asdict(Inference(loaded.compute.engine, loaded.precision)).items()
     inputs |= {name: one for name, one in decided if name in inputs or one != usual[name]}
     return record | {"options": inputs, "config": msgspec.to_builtins(tuned)}
 

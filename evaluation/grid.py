@@ -1,13 +1,13 @@
 """Scores of an occupancy grid against a floor plan: free and occupied cells, and walls."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from edgemap.evaluation.objects import share
+from edgemap.evaluation.rooms import TruePlan
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, GridRule, OccupancyGrid
 from edgemap.geometry.grid.rooms import inside
@@ -19,17 +19,7 @@ OUTSIDE, FLOOR, WALL, FURNITURE = range(4)
 MARGIN_M = 1.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrueFloor:
-    """Polygons of the floor plan, each (K, 2), in the map's frame, metres: rooms and doorways together are floor, but
-    where a wall or a footprint is."""
-
-    floor: Sequence[Array]
-    walls: Sequence[Array]
-    footprints: Sequence[Array]
-
-
-def score_grid(grid: OccupancyGrid | None, truth: TrueFloor) -> dict[str, Any]:
+def score_grid(grid: OccupancyGrid | None, truth: TruePlan) -> dict[str, Any]:
     """`free`: precision (cells that are floor without furniture), precision_10cm (within 10 cm of such), recall (of all
     such floor). `occupied`: precision_10cm (within 10 cm of a wall or furniture). `walls`: recall, of the wall's edge
     within 25 cm of floor that the grid has as free, how much has an occupied cell within 10 cm. None where nothing can
@@ -54,10 +44,11 @@ def score_grid(grid: OccupancyGrid | None, truth: TrueFloor) -> dict[str, Any]:
     }
 
 
-def _on_one_lattice(grid: OccupancyGrid, truth: TrueFloor) -> tuple[NDArray[np.int8], NDArray[np.uint8]]:
+def _on_one_lattice(grid: OccupancyGrid, truth: TruePlan) -> tuple[NDArray[np.int8], NDArray[np.uint8]]:
     """The grid's cells and the true kinds of the same cells, wide enough for both."""
     cell_m, origin = grid.cell_m, np.array([grid.x_m, grid.y_m])
-    points = np.concatenate([*truth.floor, *truth.walls])
+    floor = [*truth.rooms, *truth.doorways]
+    points = np.concatenate([*floor, *truth.walls])
     first = np.minimum(np.floor((points.min(axis=0) - MARGIN_M - origin) / cell_m).astype(int), 0)
     size = np.array(grid.cells.shape[::-1])
     last = np.maximum(np.ceil((points.max(axis=0) + MARGIN_M - origin) / cell_m).astype(int), size)
@@ -68,7 +59,7 @@ def _on_one_lattice(grid: OccupancyGrid, truth: TrueFloor) -> tuple[NDArray[np.i
     y = origin[1] + (first[1] + np.arange(rows) + 0.5) * cell_m
     centres = np.stack(np.meshgrid(x, y), axis=-1)
     kinds = np.full((rows, columns), OUTSIDE, np.uint8)
-    for kind, polygons in ((FLOOR, truth.floor), (FURNITURE, truth.footprints), (WALL, truth.walls)):
+    for kind, polygons in ((FLOOR, floor), (FURNITURE, truth.footprints), (WALL, truth.walls)):
         for polygon in polygons:
             kinds[inside(polygon, centres) & ((kinds == FLOOR) | (kind != FURNITURE))] = kind
     return cells, kinds
@@ -83,5 +74,4 @@ def _away_m(mask: NDArray[np.bool_], cell_m: float) -> Array:
 
 def _share(right: NDArray[np.bool_], judged: NDArray[np.bool_]) -> float | None:
     """Of the judged cells those that are right; None of none."""
-    count = int(judged.sum())
-    return round(int((right & judged).sum()) / count, 4) if count else None
+    return share(int((right & judged).sum()), int(judged.sum()))

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
-from edgemap.evaluation.objects import FOUND_M, TrueObject, pairs_within, score_map, scored
+from edgemap.evaluation.objects import FOUND_M, TrueObject, score_map, scored
 from edgemap.geometry.map_object import MapObject
 
 SHORTEST_M = 0.7  # two objects that are nearer to each other constrain the heading too little
@@ -31,7 +32,10 @@ class Similarity:
 
     def apply(self, objects: Sequence[MapObject]) -> list[MapObject]:
         """The objects at their new places, with their covariances as they were."""
-        return [replace(item, position_m=_points(self.factor * _place(item) + self.shift)) for item in objects]
+        places = [self.factor * complex(*item.position_m) + self.shift for item in objects]
+        return [
+            replace(item, position_m=np.array([at.real, at.imag])) for item, at in zip(objects, places, strict=True)
+        ]
 
     @property
     def map_scale(self) -> float:
@@ -65,43 +69,36 @@ def best_alignment(objects: Sequence[MapObject], truth: Sequence[TrueObject], sc
     within 0.5 m. The identity is one of them, so the result is never worse than no alignment. Of equal numbers the
     smallest squared error decides.
     """
-    mapped, wanted = list(objects), scored(truth)
-    best, rank = Similarity(), _rank(_pairs(mapped, wanted), mapped, wanted)
-    for start in [best, *_hypotheses(mapped, wanted, scales)]:
+    wanted = scored(truth)
+    mapped: Places = np.array([complex(*item.position_m) for item in objects], dtype=np.complex128)
+    true: Places = np.array([complex(item.x_m, item.y_m) for item in wanted], dtype=np.complex128)
+    same = np.array([[item.label == real.label for real in wanted] for item in objects], dtype=np.bool_)
+    same = same.reshape(len(mapped), len(true))
+    best, rank = Similarity(), (-1, 0.0)
+    for start in [best, *_hypotheses(mapped, true, same, scales)]:
         fit = start
         for _ in range(ROUNDS):
-            placed = fit.apply(mapped)
-            pairs = _pairs(placed, wanted)
-            now = _rank(pairs, placed, wanted)
+            placed = fit.factor * mapped + fit.shift
+            i, j = _pairs(placed, true, same)
+            now = len(i), -float((np.abs(placed[i] - true[j]) ** 2).sum())
             if now > rank:
                 best, rank = fit, now
-            if len(pairs) < 2 or (fitted := _fitted(pairs, mapped, wanted, scales)) == fit:
+            if len(i) < 2 or (fitted := _fitted(mapped[i], true[j], scales)) == fit:
                 break
             fit = fitted
     return best, rank[0]
 
 
-def _pairs(mapped: list[MapObject], wanted: list[TrueObject]) -> list[tuple[int, int]]:
-    """Rows (mapped, true) of the pairs within 0.5 m, class by class."""
-    matches = []
-    for label in sorted({item.label for item in mapped} & {item.label for item in wanted}):
-        rows = [row for row, item in enumerate(mapped) if item.label == label]
-        columns = [column for column, item in enumerate(wanted) if item.label == label]
-        pairs = pairs_within([mapped[row] for row in rows], [wanted[column] for column in columns], FOUND_M)
-        matches += [(rows[i], columns[j]) for i, j in pairs]
-    return matches
+def _pairs(placed: Places, true: Places, same: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows (mapped, true) of the one-to-one pairs of one label within 0.5 m: most pairs, then smallest distance."""
+    apart_m = np.abs(placed[:, None] - true[None])
+    near = same & (apart_m <= FOUND_M)
+    i, j = linear_sum_assignment(np.where(near, apart_m, 1e3))
+    return i[near[i, j]], j[near[i, j]]
 
 
-def _rank(pairs: list[tuple[int, int]], mapped: list[MapObject], wanted: list[TrueObject]) -> tuple[int, float]:
-    """Number of pairs, then less squared error, m2."""
-    return len(pairs), -sum(abs(_place(mapped[i]) - _place(wanted[j])) ** 2 for i, j in pairs)
-
-
-def _fitted(
-    pairs: list[tuple[int, int]], mapped: list[MapObject], wanted: list[TrueObject], scales: bool
-) -> Similarity:
-    """Least squares over the pairs, closed form (Umeyama 1991, in the plane)."""
-    from_m, to_m = _places([mapped[i] for i, _ in pairs]), _places([wanted[j] for _, j in pairs])
+def _fitted(from_m: Places, to_m: Places, scales: bool) -> Similarity:
+    """Least squares over pairs, closed form (Umeyama 1991, in the plane)."""
     centred = from_m - from_m.mean()
     product, extent = complex(np.vdot(centred, to_m)), float(np.vdot(centred, centred).real)
     if abs(product) == 0.0:
@@ -112,10 +109,8 @@ def _fitted(
     return Similarity(factor, complex(to_m.mean() - factor * from_m.mean()))
 
 
-def _hypotheses(mapped: list[MapObject], wanted: list[TrueObject], scales: bool) -> list[Similarity]:
+def _hypotheses(a: Places, b: Places, same: NDArray[np.bool_], scales: bool) -> list[Similarity]:
     """The alignments by every two pairs of one label that lay most objects near one of their label."""
-    a, b = _places(mapped), _places(wanted)
-    same = np.array([[item.label == real.label for real in wanted] for item in mapped]).reshape(len(a), len(b))
     i, j = _correspondences(same)
     p, q = np.triu_indices(len(i), 1)
     along_a, along_b = a[i[q]] - a[i[p]], b[j[q]] - b[j[p]]
@@ -146,15 +141,3 @@ def _correspondences(same: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray
     alike = same.sum(axis=1)[i] * same.sum(axis=0)[j]
     kept = np.argsort(alike, kind="stable")[:MAXIMUM_CORRESPONDENCES]
     return i[kept], j[kept]
-
-
-def _place(item: MapObject | TrueObject) -> complex:
-    return complex(*(item.position_m if isinstance(item, MapObject) else (item.x_m, item.y_m)))
-
-
-def _places(items: Sequence[MapObject] | Sequence[TrueObject]) -> Places:
-    return np.array([_place(item) for item in items], dtype=np.complex128)
-
-
-def _points(place: complex) -> NDArray[np.float64]:
-    return np.array([place.real, place.imag])

@@ -1,7 +1,7 @@
 """Errors of an odometry, as `edgemap eval odometry` reports them: of one drive, or pooled over several."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,8 +56,6 @@ def errors_of(
 ) -> DriveErrors:
     """Compare poses of the same frames, two at least. covariances: (N - 1, 3, 3), of each estimated motion. stamps_s:
     (N,)."""
-    if len(true) < 2:
-        raise ValueError(f"{len(true)} poses: a motion needs two")
     steps_true, steps_estimated = motions(true), motions(estimated)
     steps = motion_errors(steps_true, steps_estimated)
     starts = [true[0].inverse() @ pose for pose in true], [estimated[0].inverse() @ pose for pose in estimated]
@@ -153,13 +151,3 @@ def _rms(values: Array) -> float:
 
 def _mean_and_max(values: Array) -> dict[str, float] | None:
     return {"mean": float(values.mean()), "max": float(values.max())} if len(values) else None
-
-
-def availability(steps: Sequence[Mapping[str, str]]) -> dict[str, dict[str, float]]:
-    """Shares of the steps in which each odometry was `used`, `blind` (it measured nothing) or `left_out` (it measured,
-    and the others' motion was used), by its name. steps: one of these for each odometry and motion."""
-    shares: dict[str, dict[str, float]] = {}
-    for name in dict.fromkeys(name for step in steps for name in step):
-        given = [step[name] for step in steps if name in step]
-        shares[name] = {answer: round(given.count(answer) / len(given), 4) for answer in ("used", "blind", "left_out")}
-    return shares

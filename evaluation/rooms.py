@@ -22,12 +22,14 @@ KINDS = {"living": "living room", "kitchen": "kitchen", "bedroom": "bedroom", "b
 
 @dataclass(frozen=True, slots=True)
 class TruePlan:
-    """Polygons (K, 2) of a floor plan, map frame, metres. kinds: of the rooms, as floor_plan.json names them."""
+    """Polygons (K, 2) of a floor plan, map frame, metres. kinds: of the rooms, as floor_plan.json names them. Rooms and
+    doorways together are floor, but where a wall or a footprint is."""
 
     rooms: Sequence[Array]
     kinds: Sequence[str]
     doorways: Sequence[Array]
     walls: Sequence[Array]
+    footprints: Sequence[Array] = ()
 
 
 def score_rooms(

@@ -43,7 +43,6 @@ def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: floa
     KITTI odometry protocol (Geiger, Lenz and Urtasun 2012): a segment starts every `step` frames and ends at the
     first frame whose true path from there exceeds the length; no alignment beyond the common start.
     """
-    _same_length(true, estimated)
     travelled_m = path_m(true)
     errors = []
     for start in range(0, len(true), step):
@@ -57,28 +56,18 @@ def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: floa
 
 
 def aligned_errors_m(true: Sequence[SE2], estimated: Sequence[SE2]) -> Array:
-    """Position errors after the best rigid alignment, metres, (N,)."""
-    _same_length(true, estimated)
-    wanted, estimate = (np.array([(pose.x_m, pose.y_m) for pose in poses]) for poses in (true, estimated))
-    aligned = fit_se2(estimate, wanted).apply(estimate)
-    return np.linalg.norm(aligned - wanted, axis=1)
+    """Position errors after the best rigid alignment, metres, (N,): least squares, closed form.
 
-
-def fit_se2(from_m: Array, to_m: Array) -> SE2:
-    """The SE2 that best takes points (N, 2) to points (N, 2): least squares, closed form.
-
-    Two-dimensional case of Umeyama (1991) without scale. Needs two points that do not coincide.
+    Two-dimensional case of Umeyama (1991) without scale, on x + iy.
     """
-    centre_from, centre_to = from_m.mean(axis=0), to_m.mean(axis=0)
-    a, b = from_m - centre_from, to_m - centre_to
-    yaw = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
-    shift = centre_to - SE2(0.0, 0.0, yaw).apply(centre_from)
-    return SE2(shift[0], shift[1], yaw)
+    wanted, estimate = (np.array([complex(pose.x_m, pose.y_m) for pose in poses]) for poses in (true, estimated))
+    wanted, estimate = wanted - wanted.mean(), estimate - estimate.mean()
+    turn = complex(np.vdot(estimate, wanted))
+    return np.abs((turn / abs(turn) if turn else 1.0) * estimate - wanted)
 
 
 def motion_errors(true: Sequence[SE2], estimated: Sequence[SE2]) -> Array:
     """Estimated less true motion of each frame: (N, 3) forward m, left m, yaw rad, in the previous base frame."""
-    _same_length(true, estimated)
     differences = np.array([f.vector() - t.vector() for t, f in zip(true, estimated, strict=True)]).reshape(-1, 3)
     differences[:, 2] = [wrap_angle(yaw) for yaw in differences[:, 2]]
     return differences
@@ -100,7 +89,6 @@ def window_errors(
     covariances: (N - 1, 3, 3) of the steps, put together as if independent: errors that last over several steps, of
     scale or of landmarks, show as a NEES that grows with the window.
     """
-    _same_length(true, estimated)
     steps = motions(estimated)
     errors: dict[float, list[float]] = {length_s: [] for length_s in windows_s}
     for start in range(0, len(true) - 1, SEGMENT_STEP):
@@ -114,11 +102,6 @@ def window_errors(
                 error = motion_errors([true[start].inverse() @ true[end]], [pose])
                 errors[wanted[end]].append(float(normalised_errors(error, covariance[None])[0]))
     return {length_s: np.array(values) for length_s, values in errors.items()}
-
-
-def _same_length(true: Sequence[SE2], estimated: Sequence[SE2]) -> None:
-    if len(true) != len(estimated) or not true:
-        raise ValueError(f"{len(true)} true poses or motions against {len(estimated)} estimated ones")
 
 
 def attitude_figures(estimated: Sequence[Attitude | None], true: Sequence[Attitude] | None) -> dict[str, Any]:

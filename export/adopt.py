@@ -9,15 +9,14 @@ import msgspec
 import numpy as np
 import onnx
 from google.protobuf.message import DecodeError
-from onnx import ModelProto, version_converter
+from onnx import ModelProto
 
 from edgemap.export.errors import ExportError
-from edgemap.export.onnx_export import default_opset
 from edgemap.export.picodet import is_picodet, picodet_contract, trim
 from edgemap.runtime.frames.class_names import COCO_NAMES, is_mapped
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.network.foreign import ForeignFile, recognise
-from edgemap.runtime.network.manifest import OPSETS, ClassEntry, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
+from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
 from edgemap.runtime.network.network import Compute
 
 CLASSES = tuple(ClassEntry(name=name, mapped=is_mapped(name)) for name in COCO_NAMES)
@@ -26,13 +25,6 @@ CLASSES = tuple(ClassEntry(name=name, mapped=is_mapped(name)) for name in COCO_N
 def class_entries(count: int) -> tuple[ClassEntry, ...]:
     """The classes of a detector with this many: COCO's for 80, else numbered names, all mapped."""
     return CLASSES if count == len(CLASSES) else tuple(ClassEntry(name=f"class {number}") for number in range(count))
-
-
-def of_home(detector: DetectorSpec) -> DetectorSpec:
-    """Maps by default the classes of a COCO detector that occur in homes; returns any other detector unchanged."""
-    if tuple(entry.name for entry in detector.classes) != COCO_NAMES:
-        return detector
-    return msgspec.structs.replace(detector, classes=CLASSES)
 
 
 MODEL_BYTES = 1 << 30
@@ -54,7 +46,7 @@ class Tensor4:
 
 
 def load_onnx(path: Path) -> ModelProto:
-    """Read and check an ONNX file; converts its opset where the runtime could not read it. Raises ExportError."""
+    """Read and check an ONNX file. Raises ExportError."""
     try:
         model = onnx.load_from_string(read_bytes(path, ExportError, MODEL_BYTES))
         if any(item.data_location == onnx.TensorProto.EXTERNAL for item in model.graph.initializer):
@@ -63,13 +55,6 @@ def load_onnx(path: Path) -> ModelProto:
     except (DecodeError, onnx.checker.ValidationError, UnicodeDecodeError, ValueError) as error:
         size = path.stat().st_size
         raise ExportError(f"{path}: not a whole ONNX model, {size:,} bytes ({one_line(error, 160)})") from None
-    opset = default_opset(model)
-    if opset not in OPSETS:
-        wanted = OPSETS[0] if opset < OPSETS[0] else OPSETS[-1]
-        try:
-            model = version_converter.convert_version(model, wanted)
-        except Exception as error:  # the converter raises bare RuntimeError and others
-            raise ExportError(f"{path}: opset {opset} does not convert to {wanted} ({one_line(error, 160)})") from None
     return model
 
 
@@ -129,15 +114,12 @@ def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, DetectorS
         if np.abs(file.run(black)[head.name][..., 2:4]).max() > LOGARITHMS:
             best = recognise(file, names)
             spec, reading, decode = best.input, best.reading, "reading"
-    features: tuple[FeatureSpec, ...] = ()
-    if feature is not None:
-        features = (_tap(model, path, feature, spec),)
     detector = DetectorSpec(
         file="backbone.onnx",
         input=spec,
         decode=decode,
         heads=heads,
-        features=features,
+        features=() if feature is None else (_tap(model, path, feature, spec),),
         classes=class_entries(classes),
         reading=reading,
     )

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from onnx import ModelProto
 
 from edgemap.export import parity
-from edgemap.export.adopt import adopt, class_entries, of_home, tapped, with_outputs
+from edgemap.export.adopt import adopt, class_entries, tapped, with_outputs
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_cfg import yolov3, yolov3_tiny
 from edgemap.export.darknet_weights import load_weights, random_weights, value_count
@@ -20,14 +19,16 @@ from edgemap.export.detector.network import load_detector
 from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
-from edgemap.export.sources import KNOWN
+from edgemap.export.sources import KNOWN, KnownModel
+from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec
 from edgemap.runtime.network.manifest_file import sha256_file
-from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.network.network import Compute, Tensors
 
 DARKNET = {"yolov3": yolov3, "yolov3-tiny": yolov3_tiny}
 ADOPTED = ("yolox-nano", "picodet-s")
 BACKBONES = (*DARKNET, *ADOPTED)
+NOT_KNOWN = KnownModel("", "", (), "not stated")
 DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5
 
 
@@ -71,8 +72,8 @@ def darknet_backbone(
             if name not in KNOWN or backbone not in DARKNET:
                 raise ExportError(f"{backbone}: --weights FILE is needed")
             weights, sources = obtain(KNOWN[name])
-        header = load_weights(network, weights)
-        about = {"file": weights.name, "sha256": sha256_file(weights), "pictures_seen": header.seen}
+        seen = load_weights(network, weights)
+        about = {"file": weights.name, "sha256": sha256_file(weights), "pictures_seen": seen}
     about["float32_values"] = value_count(network)
     detector = _darknet_detector(network, feature)
     names = list(dict.fromkeys(spec.name for spec in (*detector.heads, *detector.features)))
@@ -83,7 +84,6 @@ def darknet_backbone(
             tensors = network(torch.from_numpy(picture) / 255.0)
         return {name: tensor.numpy() for name, tensor in zip(names, tensors, strict=True)}
 
-    entry = KNOWN.get(backbone)
     return Backbone(
         name=name,
         model=backbone_to_onnx(network, detector),
@@ -91,7 +91,7 @@ def darknet_backbone(
         reference=reference,
         exact=False,
         measured={"weights": about},
-        licence=entry.licence if entry else "not stated",
+        licence=KNOWN.get(backbone, NOT_KNOWN).licence,
         sources=sources or (f"{about['file']} sha256 {about['sha256']}",),
     )
 
@@ -99,7 +99,6 @@ def darknet_backbone(
 def trained_backbone(name: str, feature: str | None) -> Backbone:
     """A detector's best.pt, or our own bundle by name, with a feature tapped. Raises ExportError or BundleError."""
     model, manifest = load_detector(name)
-    manifest = msgspec.structs.replace(manifest, detector=of_home(manifest.detector))
     detector = tapped(model, manifest.detector, Path(name), feature)
     graph = Graph(model)
 
@@ -177,14 +176,14 @@ def _darknet_detector(network: Darknet, feature: str | None) -> DetectorSpec:
 
 def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, sources: tuple[str, ...]) -> Backbone:
     """An ONNX detector by name or file, with a feature tapped. Raises ExportError or DownloadError."""
-    entry = KNOWN.get(backbone)
-    path, name = (Path(backbone), Path(backbone).stem) if entry is None else (weights, backbone)
+    entry = KNOWN.get(backbone, NOT_KNOWN)
+    path, name = (Path(backbone), Path(backbone).stem) if entry is NOT_KNOWN else (weights, backbone)
     if path is None:
-        assert entry is not None
         path, sources = obtain(entry)
     model, detector = adopt(path, feature)
     exact = detector.decode != "dfl"
-    original = parity.open_network(path if exact else with_outputs(path, [head.name for head in detector.heads]))
+    source = path if exact else with_outputs(path, [head.name for head in detector.heads])
+    original = open_onnxruntime(source, Compute(2, spin=True))
 
     def reference(picture: NDArray[np.float32]) -> Tensors:
         return original.run({detector.input.name: picture})
@@ -196,8 +195,8 @@ def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, s
         reference=reference,
         exact=exact,
         measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},
-        licence=entry.licence if entry else "not stated",
+        licence=entry.licence,
         sources=sources or (f"{path.name} sha256 {sha256_file(path)}",),
-        confidence=entry.confidence if entry else 0.3,
-        sure_confidence=entry.sure_confidence if entry else 0.0,
+        confidence=entry.confidence,
+        sure_confidence=entry.sure_confidence,
     )

@@ -1,6 +1,5 @@
 """Darknet's .weights files: a short header, then float32 values layer by layer, every one accounted for."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +10,6 @@ from edgemap.export.darknet import Darknet
 from edgemap.export.errors import ExportError
 
 WIDE_SEEN = 2  # from version 0.2 on, `seen` is 64 bits wide
-
-
-@dataclass(frozen=True)
-class WeightsHeader:
-    """A .weights file's header. seen: pictures that the training had seen. bytes: the header's length."""
-
-    seen: int
-    bytes: int
 
 
 def tensors_in_file_order(network: Darknet) -> list[Tensor]:
@@ -42,8 +33,9 @@ def value_count(network: Darknet) -> int:
     return sum(tensor.numel() for tensor in tensors_in_file_order(network))
 
 
-def read_header(path: Path) -> WeightsHeader:
-    """Read the header: three int32, then `seen` as int32 or int64 by version. Raises ExportError."""
+def read_header(path: Path) -> tuple[int, int]:
+    """Length of the header in bytes, and pictures that the training had seen: three int32, then `seen` as int32 or
+    int64 by version. Raises ExportError."""
     try:
         if not path.is_file() and path.exists():  # a pipe would block
             raise ExportError(f"{path}: cannot be read (not a file)")
@@ -59,14 +51,14 @@ def read_header(path: Path) -> WeightsHeader:
     length = 20 if major * 10 + minor >= WIDE_SEEN else 16
     if len(start) < length:
         raise ExportError(f"{path}: {len(start)} bytes, too short for a Darknet header of {length}")
-    seen = int(np.frombuffer(start, "<u8" if length == 20 else "<u4", 1, offset=12)[0])
-    return WeightsHeader(seen, length)
+    return length, int(np.frombuffer(start, "<u8" if length == 20 else "<u4", 1, offset=12)[0])
 
 
-def load_weights(network: Darknet, path: Path) -> WeightsHeader:
-    """Fill the network from a .weights file of exactly its size. Raises ExportError with both counts."""
-    header = read_header(path)
-    body = path.stat().st_size - header.bytes
+def load_weights(network: Darknet, path: Path) -> int:
+    """Fill the network from a .weights file of exactly its size; gives the number of pictures that its training had
+    seen. Raises ExportError with both counts."""
+    length, seen = read_header(path)
+    body = path.stat().st_size - length
     expected = value_count(network)
     if body != 4 * expected:
         odd = f" and {body % 4} bytes more" if body % 4 else ""
@@ -74,7 +66,7 @@ def load_weights(network: Darknet, path: Path) -> WeightsHeader:
         raise ExportError(
             f"{path}: too {how} for {network.name}: expected {expected:,} float32 values, found {body // 4:,}{odd}"
         )
-    values = np.fromfile(path, "<f4", expected, offset=header.bytes)
+    values = np.fromfile(path, "<f4", expected, offset=length)
     if bad := int(np.count_nonzero(~np.isfinite(values))):
         raise ExportError(f"{path}: {bad:,} of {expected:,} values are not finite: damaged")
     position = 0
@@ -83,7 +75,7 @@ def load_weights(network: Darknet, path: Path) -> WeightsHeader:
             piece = values[position : position + tensor.numel()]
             tensor.copy_(torch.from_numpy(piece).view(tensor.shape))
             position += tensor.numel()
-    return header
+    return seen
 
 
 def random_weights(network: Darknet, seed: int = 0) -> None:

@@ -14,13 +14,14 @@ from edgemap.export import parity
 from edgemap.export.adopt import Tensor4, static_tensors
 from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone, trained_backbone
 from edgemap.export.errors import ExportError
-from edgemap.export.floor.checkpoint import FloorCheckpoint, is_floor, load_floor
+from edgemap.export.floor.checkpoint import FloorCheckpoint, load_floor
 from edgemap.export.floor.features import tapped_network
 from edgemap.export.floor.merge import with_floor
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
 from edgemap.export.quantise import CalibrationPictures, add_int8, read_calibration
+from edgemap.export.torch_files import kind_of
 from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.manifest import Manifest, OdometryHead, Parity, StateSpec
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
@@ -97,8 +98,9 @@ def export_backbone(
 
 def _loaded(heads: Sequence[Path], feature: str | None) -> tuple[FloorCheckpoint | None, HeadCheckpoint | None]:
     """Floor head and odometry head. feature: as for `export_backbone`. Raises ExportError."""
-    floors = [load_floor(path) for path in heads if is_floor(path)]
-    checkpoints = [load_head(path) for path in heads if not is_floor(path)]
+    kinds = {path: kind_of(path) for path in heads}
+    floors = [load_floor(path) for path in heads if kinds[path] == "floor"]
+    checkpoints = [load_head(path) for path in heads if kinds[path] != "floor"]
     if len(floors) > 1 or len(checkpoints) > 1:
         raise ExportError(
             f"--head: {len(floors)} floor heads and {len(checkpoints)} odometry heads, at most one of each"

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import onnx
-import onnxruntime as ort
 import torch
 from onnx import ModelProto, numpy_helper
 from torch import Tensor, nn
@@ -17,13 +16,15 @@ from torch import Tensor, nn
 from edgemap.export.darknet import Darknet, fold_batch_norm
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.paper import LARGE, PaperHead, eight_bits
-from edgemap.runtime.network.engines import PROVIDERS, ROWS, session_options
-from edgemap.runtime.network.manifest import METADATA_KEY, OPSETS, DetectorSpec, OdometryHead, contract_metadata
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.network.engines import ROWS, open_onnxruntime
+from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, OdometryHead, contract_metadata
 from edgemap.runtime.network.network import Compute
+from edgemap.runtime.network.open_bundle import keep_outputs
 
 OPSET = 18
+OPSETS = range(11, 24)  # what onnxruntime 1.17 and newer run
 IR_VERSION = 8  # the newest that onnxruntime 1.17 reads is 9; 8 goes with opset 18
-PROTOBUF_LIMIT = 2_000_000_000  # bytes
 
 
 def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
@@ -106,20 +107,17 @@ def seal(model: ModelProto, record: DetectorSpec | OdometryHead) -> ModelProto:
     """Write the contract into the model's metadata and check the model. Raises ExportError."""
     del model.metadata_props[:]
     model.metadata_props.add(key=METADATA_KEY, value=contract_metadata(record))
-    if model.ByteSize() < PROTOBUF_LIMIT:
-        try:
-            onnx.checker.check_model(model, full_check=True)
-        except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError) as error:
-            raise ExportError(f"{record.file}: not a valid ONNX model ({str(error).splitlines()[0][:160]})") from None
+    try:
+        onnx.checker.check_model(model, full_check=True)
+    except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError) as error:
+        raise ExportError(f"{record.file}: not a valid ONNX model ({str(error).splitlines()[0][:160]})") from None
     if (opset := default_opset(model)) not in OPSETS:
         raise ExportError(f"{record.file}: ONNX opset {opset}, the runtime reads {OPSETS[0]} to {OPSETS[-1]}")
     return model
 
 
 def save_model(model: ModelProto, path: Path) -> None:
-    """Write one file without external data. Raises ExportError above protobuf's limit."""
-    if model.ByteSize() >= PROTOBUF_LIMIT:
-        raise ExportError(f"{path.name}: {model.ByteSize():,} bytes, an ONNX file holds at most {PROTOBUF_LIMIT:,}")
+    """Write one file without external data."""
     path.write_bytes(model.SerializeToString(deterministic=True))
 
 
@@ -172,15 +170,7 @@ def _fuse_pool_padding(model: ModelProto) -> None:
 
 def drop_unused(model: ModelProto) -> None:
     """Drops the nodes and constants that no output needs."""
-    graph = model.graph
-    wanted = {value.name for value in graph.output}
-    for node in [*reversed(graph.node)]:
-        if wanted & set(node.output):
-            wanted |= set(node.input)
-        else:
-            graph.node.remove(node)
-    for item in [item for item in graph.initializer if item.name not in wanted]:
-        graph.initializer.remove(item)
+    keep_outputs(model.graph, {value.name for value in model.graph.output})
 
 
 def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
@@ -205,12 +195,9 @@ def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
 
 def _fits(model: ModelProto, rows: int, shapes: dict[str, tuple[int, ...]], height: int | None = None) -> bool:
     """Whether the outputs have the shapes of that many input rows. shapes: those of `height` rows."""
-    options = session_options(Compute(), rows)
     try:
         onnx.checker.check_model(model, full_check=True)
-        session = ort.InferenceSession(model.SerializeToString(), options, providers=PROVIDERS)
-    except Exception:  # onnxruntime's exceptions share no public base
+        found = open_onnxruntime(model.SerializeToString(), Compute(), rows).outputs
+    except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError, BundleError):
         return False
-    found = {node.name: tuple(node.shape) for node in session.get_outputs()}
-    wanted = {n: (*shape[:2], shape[2] * rows // (height or rows), shape[3]) for n, shape in shapes.items()}
-    return found == wanted
+    return found == {n: (*shape[:2], shape[2] * rows // (height or rows), shape[3]) for n, shape in shapes.items()}

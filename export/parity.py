@@ -1,7 +1,6 @@
 """Proof that a bundle computes what its source computes: random pictures, random states, a chain of steps."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -11,9 +10,8 @@ from torch import Tensor
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.paper import PaperHead
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest import InputSpec, Parity
-from edgemap.runtime.network.network import Compute, Network, Tensors
+from edgemap.runtime.network.network import Tensors
 
 STEPS = 8
 CASES = 2
@@ -25,28 +23,18 @@ RELATIVE_TOLERANCE = 1e-4
 CHAIN_TOLERANCE = 5e-4
 
 # A reference backbone: the network's input (1, 3, H, W) to its outputs by name.
-Reference = Callable[[NDArray[np.float32]], Tensors]
+Array32 = NDArray[np.float32]
+Reference = Callable[[Array32], Tensors]
 
 
 class Comparison:
-    """Keeps the largest difference; refuses one above `relative` times the output's largest absolute value."""
+    """The largest difference of a file's outputs from their source's, and the tolerance of that output."""
 
-    def __init__(self, file: str, relative: float = RELATIVE_TOLERANCE) -> None:
-        self.file = file
-        self.relative = relative
-        self.worst = 0.0
-        self.tolerance = 0.0
+    def __init__(self, file: str) -> None:
+        self.file, self.worst, self.tolerance = file, 0.0, 0.0
 
-    def check(
-        self,
-        name: str,
-        expected: NDArray[np.float32],
-        found: NDArray[np.float32],
-        when: str,
-        relative: float | None = None,
-    ) -> None:
-        """Compare one output. relative: another tolerance for it. Raises ExportError."""
-        relative = self.relative if relative is None else relative
+    def check(self, name: str, expected: Array32, found: Array32, relative: float, when: str) -> None:
+        """Compare one output. relative: tolerance, of its largest absolute value. Raises ExportError."""
         if expected.shape != found.shape:
             raise ExportError(f"{self.file}: {name} has shape {found.shape}, its source gives {expected.shape}")
         if not (np.isfinite(expected).all() and np.isfinite(found).all()):
@@ -60,10 +48,6 @@ class Comparison:
             )
         if difference >= self.worst:
             self.worst, self.tolerance = difference, relative * scale
-
-    def result(self, steps: int, cases: int) -> Parity:
-        """The record for the manifest: the largest difference and the tolerance of the output where it occurred."""
-        return Parity(max_abs_difference=self.worst, tolerance=self.tolerance, steps=steps, cases=cases)
 
 
 def random_picture(generator: np.random.Generator, height: int, width: int) -> NDArray[np.float32]:
@@ -88,8 +72,8 @@ def prove(bundle: Bundle, reference: Reference, head: PaperHead | None, exact: b
     backbone's outputs must be equal bit for bit (an adopted file), but for the floor mask. Raises ExportError.
     """
     detector, spec = bundle.manifest.detector, bundle.manifest.detector.input
-    backbone = Comparison(detector.file, 0.0 if exact else RELATIVE_TOLERANCE)
-    chain = None if head is None else _Chain(bundle, head)
+    floor = detector.floor and detector.floor.name
+    backbone, chain = Comparison(detector.file), head and _Chain(bundle, head)
     for case in range(CASES):
         generator = np.random.default_rng(case)
         if chain:
@@ -97,16 +81,18 @@ def prove(bundle: Bundle, reference: Reference, head: PaperHead | None, exact: b
         for step in range(STEPS):
             picture = network_input(random_picture(generator, spec.height, spec.width), spec)
             when = f"case {case}, step {step}"
-            expected = reference(picture)
-            found = bundle.backbone.run({detector.input.name: picture})
+            expected, found = reference(picture), bundle.backbone.run({spec.name: picture})
             for name, tensor in expected.items():
-                floor = detector.floor is not None and name == detector.floor.name
-                backbone.check(name, tensor, found[name], when, RELATIVE_TOLERANCE if floor else None)
+                relative = 0.0 if exact and name != floor else RELATIVE_TOLERANCE
+                backbone.check(name, tensor, found[name], relative, when)
             if chain:
                 feature = chain.record.feature
                 chain.step(expected.get(feature, found[feature]), found[feature], when)
     parts = (backbone, chain.comparison) if chain else (backbone,)
-    return {part.file: part.result(STEPS, CASES) for part in parts}
+    return {
+        part.file: Parity(max_abs_difference=part.worst, tolerance=part.tolerance, steps=STEPS, cases=CASES)
+        for part in parts
+    }
 
 
 class _Chain:
@@ -114,28 +100,18 @@ class _Chain:
 
     def __init__(self, bundle: Bundle, head: PaperHead) -> None:
         self.record, self._network = bundle.odometry_head("paper")
-        self._head = head.eval()
-        self.comparison = Comparison(self.record.file, CHAIN_TOLERANCE)
+        self._head, self.comparison = head.eval(), Comparison(self.record.file)
 
     def start(self, generator: np.random.Generator) -> None:
         states = [generator.standard_normal(state.shape).astype(np.float32) for state in self.record.states]
         self._theirs: list[Tensor] = [torch.from_numpy(state) for state in states]
         self._ours = {state.input: values for state, values in zip(self.record.states, states, strict=True)}
 
-    def step(self, expected: NDArray[np.float32], found: NDArray[np.float32], when: str) -> None:
+    def step(self, expected: Array32, found: Array32, when: str) -> None:
         with torch.no_grad():
             motion, *self._theirs = self._head(torch.from_numpy(expected), *self._theirs)
         outputs = self._network.run({self.record.feature_input: found, **self._ours})
-        self.comparison.check(self.record.motion, motion.numpy(), outputs[self.record.motion], when)
-        for state, tensor in zip(self.record.states, self._theirs, strict=True):
-            self.comparison.check(state.output, tensor.numpy(), outputs[state.output], when)
+        names = (self.record.motion, *(state.output for state in self.record.states))
+        for name, tensor in zip(names, (motion, *self._theirs), strict=True):
+            self.comparison.check(name, tensor.numpy(), outputs[name], CHAIN_TOLERANCE, when)
         self._ours = {state.input: outputs[state.output] for state in self.record.states}
-
-
-def open_network(source: Path | bytes, threads: int = 2) -> Network:
-    """An ONNX file or model from elsewhere in onnxruntime, as a parity reference. Raises ExportError."""
-    try:
-        return open_onnxruntime(source, Compute(threads, spin=threads > 1))
-    except Exception as error:  # onnxruntime's exceptions share no public base
-        name = "its model" if isinstance(source, bytes) else source
-        raise ExportError(f"{name}: onnxruntime does not load it ({str(error).splitlines()[0][:160]})") from None

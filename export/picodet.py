@@ -4,13 +4,12 @@ import onnx
 from onnx import ModelProto, NodeProto, helper, numpy_helper, version_converter
 
 from edgemap.export.onnx_export import drop_unused
-from edgemap.runtime.network.layouts import BINS
+from edgemap.runtime.network.foreign import IMAGENET
+from edgemap.runtime.network.layouts import BINS, STRIDES
 from edgemap.runtime.network.manifest import HeadSpec, InputSpec
 
-STRIDES = (8, 16, 32, 64)
 SIDES = 4 * BINS
 OPSET = 14  # the first with HardSwish; written as add, clip, multiply, divide it takes a third of the network's time
-MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
 
 def is_picodet(model: ModelProto) -> bool:
@@ -50,7 +49,7 @@ def picodet_contract(model: ModelProto) -> tuple[InputSpec, tuple[HeadSpec, ...]
     )
     spec = InputSpec(
         name=picture.name, width=width, height=height, resize="stretch", colour="rgb", scale=1.0 / 255.0,
-        mean=MEAN, std=STD,
+        mean=IMAGENET["mean"], std=IMAGENET["std"],
     )  # fmt: skip
     return spec, heads, heads[0].shape[1] - SIDES
 

@@ -37,6 +37,11 @@ def read_torch(path: Path) -> dict[str, Any]:
     return document
 
 
+def kind_of(path: Path) -> str:
+    """What a checkpoint holds by its format `edgemap.KIND/N`: detector, floor, head. Raises ExportError."""
+    return str(read_torch(path).get("format")).removeprefix("edgemap.").partition("/")[0]
+
+
 def read_checkpoint(path: Path, form: str, kind: type[T]) -> tuple[T, dict[str, Tensor]]:
     """The plain values of a checkpoint, checked, others left out; and its `state_dict`: dense tensors by name.
 

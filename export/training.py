@@ -7,9 +7,9 @@ import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import torch
 from torch import Tensor, distributed, nn
@@ -27,6 +27,8 @@ SAVE_EVERY_S = 120.0
 LOOK_EVERY = 20  # steps of a GPU between two reads of its losses, as each read waits for it
 WARM_UP = 0.03  # of the budget
 LAST_RATE = 0.03  # of the highest
+# Pairs of axes by their title; columns of the table to their names in the legend. One without values is left out.
+Panels = Mapping[str, Mapping[str, str]]
 N = TypeVar("N", bound=nn.Module)
 S = TypeVar("S", bound=Settings)
 
@@ -82,8 +84,7 @@ class Training(ABC, Generic[N, S]):
     score = "score"  # column of the figure by which the best row is chosen
     highest = True  # whether the best one is the highest
     average_steps = 600  # time constant of the moving average, shorter at the start
-    over = ("steps", "steps of training")  # abscissa of the curves, and its name
-    panels: Sequence["Panel"] = ()  # of the curves
+    panels: ClassVar[Panels] = {}  # of the curves
 
     def __init__(
         self,
@@ -163,7 +164,7 @@ class Training(ABC, Generic[N, S]):
         self.rows.append({"minutes": round(self.trained_s / 60.0, 2), **row})
         tqdm.write("  ".join(f"{key} {value:.6g}" for key, value in self.rows[-1].items() if value is not None))
         if self.panels:
-            write_curves(self.rows, self.folder, self.over, self.panels)
+            write_curves(self.rows, self.folder, self.panels)
         return self.best() is self.rows[-1]
 
     def run(self) -> dict[str, Any]:
@@ -266,21 +267,8 @@ def rate_at(progress: float) -> float:
     return LAST_RATE + (1.0 - LAST_RATE) * 0.5 * (1.0 + math.cos(math.pi * fall))
 
 
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """One pair of axes. lines: columns of the table to their names in the legend; a column without values is left out.
-
-    top: upper limit of the ordinate, which begins at 0; None fits the data.
-    """
-
-    title: str
-    lines: dict[str, str]
-    from_zero: bool = True
-    top: float | None = None
-
-
-def write_curves(rows: Sequence[dict[str, Any]], folder: Path, over: tuple[str, str], panels: Sequence[Panel]) -> None:
-    """Write `curves.csv` and, with the extra `plot`, `curves.png`. over: the abscissa's column and its name."""
+def write_curves(rows: Sequence[dict[str, Any]], folder: Path, panels: Panels) -> None:
+    """Write `curves.csv` and, with the extra `plot`, `curves.png` over the minutes of training."""
     with (folder / "curves.csv").open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(dict.fromkeys(key for row in rows for key in row)))
         writer.writeheader()
@@ -292,16 +280,13 @@ def write_curves(rows: Sequence[dict[str, Any]], folder: Path, over: tuple[str, 
         return
     figure = Figure(figsize=(4.5 * len(panels), 3.6), layout="constrained")
     FigureCanvasAgg(figure)
-    column, name = over
-    for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-        for part, label in panel.lines.items():
+    minutes = [row["minutes"] for row in rows]
+    for axes, (title, lines) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True):
+        for part, label in lines.items():
             if any(part in row for row in rows):
-                axes.plot(
-                    [row[column] for row in rows], [row.get(part) for row in rows], "o-", markersize=3, label=label
-                )
-        axes.set(xlabel=name, ylabel=panel.title)
-        if panel.from_zero:
-            axes.set_ylim(0.0, panel.top)
+                axes.plot(minutes, [row.get(part) for row in rows], "o-", markersize=3, label=label)
+        axes.set(xlabel="minutes of training", ylabel=title)
+        axes.set_ylim(bottom=0.0)
         axes.grid(alpha=0.3)
         if axes.lines:
             axes.legend(frameon=False)

@@ -34,13 +34,10 @@ def read_heads(outputs: Sequence[Tensor], detector: DetectorSpec, size: tuple[in
     """Rows of a batch by the contract's decode rule. size: (height, width) of its pictures, px."""
     read = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[detector.decode]
     parts = [read(output.float(), head, size) for output, head in zip(outputs, detector.heads, strict=True)]
+    bins = [part.bins for part in parts if part.bins is not None]
     scores, boxes = (torch.cat([getattr(part, name) for part in parts], dim=1) for name in ("scores", "boxes"))
-    bins = (
-        torch.cat([part.bins for part in parts if part.bins is not None], dim=1) if parts[0].bins is not None else None
-    )
-    return Rows(
-        scores, boxes, bins, *(torch.cat([getattr(part, n) for part in parts]) for n in ("centres", "strides", "reach"))
-    )
+    cells = (torch.cat([getattr(part, name) for part in parts]) for name in ("centres", "strides", "reach"))
+    return Rows(scores, boxes, torch.cat(bins, dim=1) if bins else None, *cells)
 
 
 def _yolov3(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:

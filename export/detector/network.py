@@ -58,11 +58,6 @@ def load_detector(name: str) -> tuple[ModelProto, Manifest]:
     return model, msgspec.structs.replace(manifest, detector=detector)
 
 
-def is_detector(path: Path) -> bool:
-    """Whether a torch file is a detector's checkpoint, and not an odometry head's. Raises ExportError."""
-    return str(read_torch(path).get("format")).startswith("edgemap.detector/")
-
-
 def _read(path: Path) -> tuple[ModelProto, Manifest]:
     document = read_torch(path)
     text, graph = document.get("manifest"), document.get("graph")

@@ -16,15 +16,15 @@ from edgemap.export.detector.network import TorchNetwork
 from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate_sets
 from edgemap.export.settings import DetectorSettings
-from edgemap.export.training import Panel, Training, rate_at
+from edgemap.export.training import Training, rate_at
 
 CLIP_NORM = 20.0
 NO_MOSAIC = 0.85  # of the budget after which pictures stay single
 PARTS = ("total", "scores", "box", "bins", "kept")
-PANELS = (
-    Panel("loss", {"scores": "scores", "box": "box (1 - GIoU)", "bins": "sides' bins", "kept": "distance kept"}),
-    Panel("validation", {"ap50": "AP50", "ap": "AP 0.50:0.95"}, top=1.0),
-)
+PANELS = {
+    "loss": {"scores": "scores", "box": "box (1 - GIoU)", "bins": "sides' bins", "kept": "distance kept"},
+    "validation": {"ap50": "AP50", "ap": "AP 0.50:0.95"},
+}
 
 
 def _adam(network: nn.Module) -> torch.optim.Optimizer:
@@ -41,7 +41,7 @@ class Trainer(Training[TorchNetwork, DetectorSettings]):
 
     resume_format = "edgemap.detector-run/2"
     score = "ap50"
-    over, panels = ("minutes", "minutes of training"), PANELS
+    panels = PANELS
 
     def __init__(
         self,

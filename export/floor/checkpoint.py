@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.export.floor.head import FloorHead
-from edgemap.export.torch_files import fill, read_checkpoint, read_torch, save_whole
+from edgemap.export.torch_files import fill, read_checkpoint, save_whole
 from edgemap.runtime.frames.reading import Name
 from edgemap.runtime.network.manifest import Text
 
@@ -38,7 +38,6 @@ class _Record(msgspec.Struct):
     channels: Four
     rows: Rows
     width: Channels
-    detail: Channels
     deep: Annotated[int, Meta(ge=0, le=64)] = 0
     sources: tuple[Text, ...] = ()
 
@@ -47,19 +46,13 @@ def save_floor(checkpoint: FloorCheckpoint, path: Path) -> None:
     """Write a checkpoint: plain values and float32 tensors."""
     head = checkpoint.head
     document = {item.name: getattr(checkpoint, item.name) for item in fields(checkpoint) if item.name != "head"}
-    document |= {"channels": head.channels, "rows": head.rows, "width": head.width, "detail": head.detail}
-    document["deep"] = len(head.deep)
+    document |= {"channels": head.channels, "rows": head.rows, "width": head.width, "deep": len(head.deep)}
     save_whole({"format": FORMAT, **document, "state_dict": head.state_dict()}, path)
 
 
 def load_floor(path: Path) -> FloorCheckpoint:
     """Reads a checkpoint. Raises ExportError where it is invalid or damaged."""
     record, weights = read_checkpoint(path, FORMAT, _Record)
-    shape = record.channels, record.rows, record.width, record.detail, record.deep
+    shape = record.channels, record.rows, record.width, record.deep
     head = fill(lambda: FloorHead(*shape), weights, path)
     return FloorCheckpoint(head.eval(), record.backbone, record.taps, record.measured, record.sources)
-
-
-def is_floor(path: Path) -> bool:
-    """Whether a torch file is a floor head's checkpoint. Raises ExportError."""
-    return str(read_torch(path).get("format")).startswith("edgemap.floor/")

@@ -47,25 +47,18 @@ class FloorHead(nn.Module):
     deep: blocks at stride 32.
     """
 
-    def __init__(
-        self,
-        channels: tuple[int, int, int, int],
-        rows: int,
-        width: int = WIDTH,
-        detail: int = DETAIL,
-        deep: int = DEEP,
-    ) -> None:
+    def __init__(self, channels: tuple[int, int, int, int], rows: int, width: int = WIDTH, deep: int = DEEP) -> None:
         super().__init__()
-        self.channels, self.rows, self.width, self.detail = channels, rows, width, detail
+        self.channels, self.rows, self.width = channels, rows, width
         s4, s8, s16, s32 = channels
-        self.from4 = Unit(s4, detail, 2, 2)
+        self.from4 = Unit(s4, DETAIL, 2, 2)
         self.from8, self.from16, self.from32 = (Unit(count, width, relu=False) for count in (s8, s16, s32))
         if rows:
             self.row = nn.Parameter(torch.zeros(1, width, rows, 1))
             self.scene = nn.Conv2d(s32, width, 1)
         self.deep = nn.ModuleList(Block(width) for _ in range(deep))
         self.coarse = nn.ModuleList(Block(width) for _ in range(COARSE))
-        self.context, self.detailed = Block(width), Unit(width + detail, width)
+        self.context, self.detailed = Block(width), Unit(width + DETAIL, width)
         self.last = Block(width)
         self.out = nn.Conv2d(width, len(LABELS) * FINE * FINE, 1)
 

@@ -14,8 +14,8 @@ from torch import nn
 from edgemap.export.adopt import Tensor4, find_tap, static_tensors
 from edgemap.export.errors import ExportError
 from edgemap.export.floor.head import FINE, LABELS, STRIDES, Block, FloorHead, Unit
-from edgemap.export.onnx_export import drop_unused
 from edgemap.runtime.network.manifest import DetectorSpec, FloorSpec
+from edgemap.runtime.network.open_bundle import keep_outputs
 
 OUTPUT = "floor"
 # Of the networks that we know, by strides 4 to 32: the ends of the stages before the neck, which hold more of the floor
@@ -67,9 +67,7 @@ def without_floor(model: ModelProto, detector: DetectorSpec) -> tuple[ModelProto
     if detector.floor is None:
         return model, detector
     bare = copy.deepcopy(model)
-    for value in [value for value in bare.graph.output if value.name == detector.floor.name]:
-        bare.graph.output.remove(value)
-    drop_unused(bare)
+    keep_outputs(bare.graph, {value.name for value in bare.graph.output} - {detector.floor.name})
     return bare, msgspec.structs.replace(detector, floor=None)
 
 

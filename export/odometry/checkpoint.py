@@ -43,7 +43,6 @@ class _OdometryRecord(msgspec.Struct):
     measured: dict[str, Any]
     shape: tuple[Width, Width, Width, Width]
     window: Annotated[int, Meta(ge=0, le=1 << 40)] = 0
-    kind: str = "paper"
     hidden: Annotated[tuple[Width, ...], Meta(max_length=8)] = ()
     dense: Width = 1
 
@@ -54,7 +53,7 @@ def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
     document: dict[str, Any] = {
         item.name: getattr(checkpoint, item.name) for item in fields(checkpoint) if item.name != "head"
     }
-    document |= {"format": FORMAT, "kind": "paper", "shape": list(head.shape), "hidden": list(head.hidden)}
+    document |= {"format": FORMAT, "shape": list(head.shape), "hidden": list(head.hidden)}
     weights = head.state_dict()
     for name, tensor in weights.items():
         if tensor.ndim > 1 and tensor.numel() >= LARGE:
@@ -66,8 +65,6 @@ def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
 def load_head(path: Path) -> HeadCheckpoint:
     """Reads a checkpoint. Raises ExportError where it is invalid, damaged, or exceeds the paper's parameter count."""
     record, weights = read_checkpoint(path, FORMAT, _OdometryRecord)
-    if record.kind != "paper":
-        raise ExportError(f"{path}: a {record.kind} head; the only odometry head is the paper's")
     head = fill(lambda: PaperHead(record.shape, record.hidden, record.dense), weights, path)
     if head.parameters_count > PARAMETER_LIMIT:
         raise ExportError(f"{path}: {head.parameters_count:,} parameters, the paper allows {PARAMETER_LIMIT:,}")

@@ -1,15 +1,12 @@
 """Drives as training data: cached features of the frozen backbone, with the true motion."""
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 from tqdm import tqdm
 
@@ -18,7 +15,7 @@ from edgemap.export.errors import ExportError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import Drive, open_drive
-from edgemap.runtime.network.engines import PROVIDERS, session_options
+from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.preprocess import Preprocessor
 
@@ -44,9 +41,7 @@ class FeatureDrive:
 
 
 class FeatureStore:
-    """Cached features in a folder, keyed by the backbone's bytes, its input rule and its feature's name. An interrupted
-    drive is continued.
-    """
+    """Cached features in a folder, keyed by the backbone's bytes, its input rule and its feature's name."""
 
     def __init__(self, part: Backbone, folder: Path, threads: int = 2) -> None:
         self.input = part.detector.input
@@ -59,7 +54,7 @@ class FeatureStore:
         self.mirror = np.where(np.arange(self.shape[1]) % values, 1.0, -1.0).astype(np.float32) if raw else None
         about = f"{FORMAT} {hashlib.sha256(model).hexdigest()} {self.input} {self._name}"
         self.folder = folder / hashlib.sha256(about.encode()).hexdigest()[:16]
-        self._session = ort.InferenceSession(model, session_options(Compute(threads)), providers=PROVIDERS)
+        self._network = open_onnxruntime(model, Compute(threads))
 
     def load(self, specs: Sequence[str], first: int = 0, frames: int | None = None) -> list[FeatureDrive]:
         """All drives `KIND:DIR`; missing features are computed. Raises ExportError or CameraError."""
@@ -79,32 +74,21 @@ class FeatureStore:
         return FeatureDrive(spec, self._features(spec, drive, count)[first:], poses)
 
     def _features(self, spec: str, drive: Drive, count: int) -> NDArray[np.float16]:
-        about = f"{spec} {drive.folder.resolve()} {len(drive.stamps_s)} {_content(drive)}"
-        key = hashlib.sha256(about.encode()).hexdigest()[:16]
-        path, note = self.folder / f"{key}.npy", self.folder / f"{key}.json"
-        self.folder.mkdir(parents=True, exist_ok=True)
-        total = len(drive.stamps_s)
-        saved: dict[str, Any] = json.loads(note.read_text()) if note.is_file() and path.is_file() else {}
-        done = int(saved.get("frames", 0))
-        if done < count:
-            shape = (total, *self.shape[1:])
-            kept = np.lib.format.open_memmap(path, "r+" if done else "w+", np.float16, None if done else shape)
-            preprocess = Preprocessor(self.input)
+        about = f"{spec} {drive.folder.resolve()} {len(drive.stamps_s)} {_content(drive)} {count}"
+        path = self.folder / f"{hashlib.sha256(about.encode()).hexdigest()[:16]}.npy"
+        if not path.is_file():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            part, preprocess = path.with_suffix(".part"), Preprocessor(self.input)
+            kept = np.lib.format.open_memmap(part, "w+", np.float16, (count, *self.shape[1:]))
             with drive_camera(drive, spec) as source:
                 for index in range(count):
                     frame = source.read()
                     if frame is None:
-                        raise ExportError(f"{spec}: ends after {index} pictures, {total} were announced")
-                    if index >= done:
-                        kept[index] = self._run(preprocess(frame.image)[0])
+                        raise ExportError(f"{spec}: ends after {index} pictures, {len(drive.stamps_s)} were announced")
+                    kept[index] = self._network.run({self.input.name: preprocess(frame.image)[0]})[self._name][0]
             kept.flush()
-            note.write_text(json.dumps({"data": spec, "frames": count, "feature": self._name}))
-        return np.load(path, mmap_mode="r")[:count]
-
-    def _run(self, tensor: NDArray[np.float32]) -> NDArray[np.float32]:
-        options = ort.RunOptions()
-        options.only_execute_path_to_fetches = True  # the heads behind the features are not needed
-        return np.asarray(self._session.run([self._name], {self.input.name: tensor}, options)[0])[0]
+            part.replace(path)
+        return np.load(path, mmap_mode="r")
 
 
 def _content(drive: Drive) -> str:

@@ -17,7 +17,7 @@ from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_h
 from edgemap.export.odometry.data import FeatureDrive, FeatureStore
 from edgemap.export.odometry.paper import PaperHead, random_head
 from edgemap.export.settings import OdometrySettings
-from edgemap.export.training import Panel, Training
+from edgemap.export.training import Training
 from edgemap.geometry.se2 import SE2
 
 CLIP_NORM = 1.0
@@ -25,10 +25,10 @@ FIRST_STEPS, LATER = 100, 0.2  # AdaGrad's rate: 0.005 for 100 iterations, then 
 LAMBDA = 100.0  # of the paper's equation 2: what a radian's square counts against a metre's
 MIRROR = np.array([1.0, -1.0, -1.0], np.float32)  # of a motion
 SAMPLES = 64  # frames that mean and deviation are taken from
-PANELS = (  # the first is the paper's figure 6
-    Panel("loss", {"loss": "loss"}, from_zero=False),
-    Panel("validation drift, % of the way", {f"t{length}_percent": f"over {length} m" for length in (5, 2, 1)}),
-)
+PANELS = {  # the first is the paper's figure 6
+    "loss": {"loss": "loss"},
+    "validation drift, % of the way": {f"t{length}_percent": f"over {length} m" for length in (5, 2, 1)},
+}
 
 
 def begin(

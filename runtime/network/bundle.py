@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from edgemap.geometry.observations.sighting import BoxEvidence
-from edgemap.runtime.frames.errors import BundleError, MissingExtraError, OdometryError
+from edgemap.runtime.frames.errors import BundleError, OdometryError
 from edgemap.runtime.frames.inference import Engine, Precision
-from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.network.engines import Pace, compute_at, one_blas_thread, open_network
 from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, Manifest, OdometryHead, contract_metadata
 from edgemap.runtime.network.manifest_file import read_manifest, verified_file
@@ -34,11 +34,6 @@ class Bundle:
     precision: Precision = "float32"
     companion: "Bundle | None" = None
     paced: bool = False
-
-    @property
-    def engine(self) -> Engine:
-        """The engine that runs the backbone."""
-        return self.compute.engine
 
     @property
     def detector(self) -> DetectorSpec:
@@ -95,8 +90,7 @@ class Bundle:
             raise BundleError(f"bundle {self.folder}: {head.file} reads {head.feature!r}, which no output provides")
         inputs = {head.feature_input: feature} | {state.input: state.shape for state in head.states}
         outputs = {head.motion: (1, 3)} | {state.output: state.shape for state in head.states}
-        opened = _opener(self.folder, self.manifest, head, inputs, outputs)
-        return head, opened(Compute(1), None)
+        return head, _opened(self.folder, self.manifest, head, inputs, outputs, Compute(1))
 
 
 def load_bundle(
@@ -120,48 +114,32 @@ def load_bundle(
         detector = msgspec.structs.replace(detector, file=manifest.variants[precision].file)
     height, compute = detector.input.height, compute_at(pace, threads, engine)
     inputs = {detector.input.name: (1, 3, height, detector.input.width)}
-    opened = _opener(folder, manifest, detector, inputs, detector.outputs())
-    return Bundle(folder, manifest, opened(compute, height), compute, lambda rows: opened(compute, rows), precision)
+    backbone = _opened(folder, manifest, detector, inputs, detector.outputs(), compute, height)
+    reopen = partial(open_network, folder / detector.file, compute)
+    return Bundle(folder, manifest, backbone, compute, reopen, precision)
 
 
-def _opener(
-    folder: Path, manifest: Manifest, record: DetectorSpec | OdometryHead, inputs: Shapes, outputs: Shapes
-) -> Callable[[Compute, int | None], Network]:
-    """Check a file's sum; what opens it, for so many rows of input where those are open, and checks its contract and
-    its tensors."""
+def _opened(
+    folder: Path,
+    manifest: Manifest,
+    record: DetectorSpec | OdometryHead,
+    inputs: Shapes,
+    outputs: Shapes,
+    compute: Compute,
+    rows: int | None = None,
+) -> Network:
+    """A network whose sum, contract and tensors are checked, and its outputs where onnxruntime does not run it."""
     path = verified_file(folder, manifest, record.file)
     where = f"bundle {folder}: {record.file}"
-
-    def opened(compute: Compute, rows: int | None) -> Network:
-        onnxruntime = compute.engine == "onnxruntime"
-        try:
-            network = open_network(path, compute, rows)
-            reference = network if onnxruntime else open_network(path, Compute(), rows)
-        except MissingExtraError:
-            raise
-        except Exception as error:  # the engines' exceptions share no public base
-            why = one_line(str(error).removeprefix("[ONNXRuntimeError] : "), 160)
-            raise BundleError(f"{where} is not a model that {compute.engine} loads ({why})") from None
-        _check_contract(reference.metadata, where, record, folder)
-        cut = _cut(inputs, network.inputs)
-        _compare(where, "input", cut(inputs), network.inputs)
-        _compare(where, "output", cut(outputs), network.outputs)
-        rounded: Precision = "float32" if record.file == manifest.detector.file else "int8"
-        if not onnxruntime and network.error(reference) > ENGINE_TOLERANCE[rounded]:
-            raise BundleError(f"{where}: {compute.engine} gives other outputs than onnxruntime")
-        return network
-
-    return opened
-
-
-def _cut(promised: Shapes, actual: Shapes) -> Callable[[Shapes], Shapes]:
-    """What makes promised shapes those of a backbone of fewer rows, if it is one."""
-    name, shape = next(iter(promised.items()))
-    rows = actual.get(name, shape)[2:3]
-    fixed = bool(rows) and isinstance(rows[0], int)  # a model may name a side, or leave it open
-    if len(promised) > 1 or not fixed or not 0 < rows[0] < shape[2]:
-        return lambda shapes: shapes
-    return lambda shapes: {key: (*one[:2], one[2] * rows[0] // shape[2], *one[3:]) for key, one in shapes.items()}
+    network = open_network(path, compute, rows)
+    reference = network if compute.engine == "onnxruntime" else open_network(path, Compute(), rows)
+    _check_contract(reference.metadata, where, record, folder)
+    _compare(where, "input", inputs, network.inputs)
+    _compare(where, "output", outputs, network.outputs)
+    rounded: Precision = "float32" if record.file == manifest.detector.file else "int8"
+    if network is not reference and network.error(reference) > ENGINE_TOLERANCE[rounded]:
+        raise BundleError(f"{where}: {compute.engine} gives other outputs than onnxruntime")
+    return network
 
 
 def _compare(where: str, kind: str, promised: Shapes, actual: Shapes) -> None:

@@ -16,7 +16,6 @@ from edgemap.runtime.network.manifest import DetectorSpec, HeadSpec
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Placement, Preprocessor
 
-NMS_IOU = 0.45
 SAME_PLACE = 0.8  # IoU of boxes that are one object under two names
 MAX_CANDIDATES = 1000  # before suppression; the best scores stay
 # YOLOX (Ge et al. 2021) and generalized focal loss (Li et al. 2020), as PicoDet has it, in the terms of `layouts`.
@@ -35,7 +34,7 @@ class Decoder:
     """
 
     def __init__(
-        self, detector: DetectorSpec, confidence: float = 0.3, nms_iou: float = NMS_IOU, one_name: bool = False
+        self, detector: DetectorSpec, confidence: float = 0.3, nms_iou: float = 0.45, one_name: bool = False
     ) -> None:
         self._detector = detector
         self._names = tuple(entry.name for entry in detector.classes)

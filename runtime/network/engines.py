@@ -21,7 +21,6 @@ from edgemap.runtime.network.network import Compute, Network, Tensors
 
 Pace = Literal["camera", "files"]  # a frame now and then, or as fast as they are read
 
-PROVIDERS = ["CPUExecutionProvider"]
 ROWS = "rows"  # name of an input's height in files that leave it open
 SPIN_US = "300"  # longer than between two operators, shorter than what a step does between two networks
 
@@ -57,14 +56,17 @@ def processor_name() -> str:
 def open_network(path: Path, compute: Compute, rows: int | None = None) -> Network:
     """Load an ONNX file into the engine asked for. rows: of the input, where the file leaves them open.
 
-    Raises MissingExtraError, or what the engine raises.
+    Raises BundleError or MissingExtraError.
     """
     opened = open_onnxruntime if compute.engine == "onnxruntime" else open_openvino
     return opened(path, compute, rows)
 
 
-def session_options(compute: Compute, rows: int | None = None) -> ort.SessionOptions:
-    """One operator at a time, quiet, on the threads asked for. rows: of the input, where the file leaves them open."""
+def open_session(source: Path | bytes, compute: Compute, rows: int | None = None) -> ort.InferenceSession:
+    """A session for an ONNX file or a model in memory: one operator at a time, quiet, on the threads asked for.
+
+    rows: of the input, where the file leaves them open. Raises BundleError where onnxruntime does not load it.
+    """
     options = ort.SessionOptions()
     options.intra_op_num_threads = compute.threads
     options.inter_op_num_threads = 1
@@ -73,24 +75,36 @@ def session_options(compute: Compute, rows: int | None = None) -> ort.SessionOpt
     options.log_severity_level = 4
     if rows is not None:
         options.add_free_dimension_override_by_name(ROWS, rows)
-    return options
+    model = source if isinstance(source, bytes) else library_path(source)
+    try:
+        return ort.InferenceSession(model, options, providers=["CPUExecutionProvider"], enable_fallback=0)
+    except Exception as error:  # onnxruntime's exceptions share no public base
+        raise _not_loaded(source, "onnxruntime", error) from None
+
+
+def _not_loaded(source: Path | bytes, engine: Engine, error: Exception) -> BundleError:
+    name = source if isinstance(source, Path) else "a network"
+    why = one_line(str(error).removeprefix("[ONNXRuntimeError] : "), 160)
+    return BundleError(f"{name}: not a model that {engine} loads ({why})")
+
+
+def run_session(session: ort.InferenceSession, tensors: Any, name: object) -> Any:
+    """All outputs of a session in its order. Raises BundleError, which begins with the name."""
+    try:
+        return session.run(None, tensors)
+    except Exception as error:  # as above
+        raise BundleError(f"{name}: the network fails as it runs ({one_line(error, 160)})") from None
 
 
 def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = None) -> Network:
-    """Load an ONNX file, or a model in memory. Raises what onnxruntime raises, which shares no public base."""
-    model = source if isinstance(source, bytes) else library_path(source)
-    session = ort.InferenceSession(model, session_options(compute, rows), providers=PROVIDERS, enable_fallback=0)
-    outputs = {node.name: tuple(node.shape) for node in session.get_outputs()}
-    inputs = {node.name: tuple(node.shape) for node in session.get_inputs()}
-
-    def run(tensors: Tensors) -> Any:
-        try:
-            return session.run(list(outputs), tensors)  # pyright: ignore[reportArgumentType]
-        except Exception as error:
-            name = source if isinstance(source, Path) else "a network"
-            raise BundleError(f"{name}: the network fails as it runs ({one_line(error, 160)})") from None
-
-    return Network(inputs, outputs, run, session.get_modelmeta().custom_metadata_map)
+    """Load an ONNX file, or a model in memory. Raises BundleError."""
+    session = open_session(source, compute, rows)
+    inputs, outputs = (
+        {node.name: tuple(node.shape) for node in nodes} for nodes in (session.get_inputs(), session.get_outputs())
+    )
+    name = source if isinstance(source, Path) else "a network"
+    metadata = session.get_modelmeta().custom_metadata_map
+    return Network(inputs, outputs, lambda tensors: run_session(session, tensors, name), metadata)
 
 
 @cache
@@ -108,21 +122,24 @@ def openvino_core() -> Any:
 
 def open_openvino(path: Path, compute: Compute, rows: int | None = None) -> Network:
     """Compile an ONNX file for latency, in float32. rows: of the input, where the file leaves them open. Raises
-    MissingExtraError, or what OpenVINO raises."""
+    BundleError or MissingExtraError."""
     need("openvino", "--engine openvino")
-    core = openvino_core()
-    model = core.read_model(library_path(path))
-    if model.is_dynamic():
-        (port,) = model.inputs
-        channels, columns = (port.get_partial_shape()[axis].get_length() for axis in (1, 3))
-        model.reshape({port.get_any_name(): [1, channels, rows, columns]})
     config = {
         "PERFORMANCE_HINT": "LATENCY",
         "INFERENCE_NUM_THREADS": compute.threads,
         "INFERENCE_PRECISION_HINT": "f32",
         "ENABLE_CPU_PINNING": False,  # the threads of two networks would be held to one core
     }
-    request = core.compile_model(model, "CPU", config).create_infer_request()
+    try:
+        core = openvino_core()
+        model = core.read_model(library_path(path))
+        if model.is_dynamic():
+            (port,) = model.inputs
+            channels, columns = (port.get_partial_shape()[axis].get_length() for axis in (1, 3))
+            model.reshape({port.get_any_name(): [1, channels, rows, columns]})
+        request = core.compile_model(model, "CPU", config).create_infer_request()
+    except Exception as error:  # OpenVINO's share no public base either
+        raise _not_loaded(path, "openvino", error) from None
     inputs, outputs = (
         {port.get_any_name(): tuple(port.shape) for port in ports} for ports in (model.inputs, model.outputs)
     )

@@ -4,6 +4,7 @@ boxes."""
 import ast
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -11,7 +12,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 
 from edgemap.geometry.objects.visibility import iou
@@ -19,7 +19,7 @@ from edgemap.runtime.frames.class_names import COCO_91, COCO_NAMES, is_mapped
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.reading import convert, decode_json, library_path, one_line, print_message, read_bytes
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.engines import PROVIDERS, Pace, compute_at, session_options
+from edgemap.runtime.network.engines import Pace, compute_at, open_session, run_session
 from edgemap.runtime.network.layouts import FORMS, Arrays, Layout, Reading, classes_in, in_unit, layouts, parts, rows_of
 from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec, HeadSpec, InputSpec, Manifest
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file
@@ -27,13 +27,12 @@ from edgemap.runtime.network.network import Compute, Network
 from edgemap.runtime.network.preprocess import Placement, Preprocessor
 
 Scaling = Mapping[str, Any]
-MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet
+IMAGENET = {"mean": (0.485, 0.456, 0.406), "std": (0.229, 0.224, 0.225)}  # of RGB pictures
 
 
 def _scaling(colour: str, in_unit: bool, normalised: bool = False) -> Scaling:
     """Order of the channels, and whether they are in 0..1 rather than 0..255, and normalised as ImageNet is."""
-    order = slice(None, None, 1 if colour == "rgb" else -1)
-    normal = {"mean": MEAN[order], "std": STD[order]} if normalised else {}
+    normal = {name: values[:: 1 if colour == "rgb" else -1] for name, values in IMAGENET.items() if normalised}
     return {"colour": colour, "scale": 1 / 255 if in_unit else 1.0} | normal
 
 
@@ -43,13 +42,10 @@ SCALINGS = (RGB, RGB_NORMAL, BGR_255, BGR_NORMAL, RGB_255)
 RESIZES = ("letterbox", "letterbox_topleft", "stretch")
 USUAL = {"cells": BGR_255, "bins": RGB_NORMAL, "corner bins": BGR_NORMAL}  # of one family each: their authors'
 STRETCHED: frozenset[Layout] = frozenset({"queries", "lists", "bin rows", "bin levels", "label score box rows"})
-FREE_SIDE_PX = 640  # of an input whose sides are open and that states none
-MASKS, KEYPOINTS = 32, 51  # values behind the classes of a segmentation and of a pose file of Ultralytics
-PROBES = (270, 370, 420)  # frames of the demo: chairs, a couch, a plant that detectors of photographs recognise
-PROBE_LABELS, PROBE_VISIBLE, PROBE_AREA_PX2 = frozenset({"chair", "couch", "potted plant"}), 0.6, 2000.0
+# Frames of the demo, and the objects of each that detectors of photographs recognise: chairs, a couch, a plant.
+PROBES = {270: (7, 8), 370: (6, 7, 8), 420: (1, 14)}
 MINIMUM_SCORE, OVERLAP = 0.25, 0.5  # of a box of a probe, and with the true one
 NEARLY = 0.9  # of the best agreement, from where on the family's usual reading is taken; of a picture that a box covers
-SHARES = 2.0  # coordinates of the strongest boxes up to this are shares of the input, not pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,13 +79,7 @@ class ForeignFile:
 
     def __init__(self, path: Path, compute: Compute) -> None:
         """Raises BundleError where it does not load or has no input for a picture."""
-        self.path = path
-        try:
-            options = session_options(compute)
-            self._session = ort.InferenceSession(library_path(path), options, providers=PROVIDERS, enable_fallback=0)
-        except Exception as error:  # onnxruntime's exceptions share no public base
-            why = one_line(str(error).removeprefix("[ONNXRuntimeError] : "), 160)
-            raise BundleError(f"{path}: not a model that onnxruntime loads ({why})") from None
+        self.path, self._session = path, open_session(path, compute)
         self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
         inputs = self._session.get_inputs()
         pictures = [one for one in inputs if len(one.shape) in (3, 4) and 3 in (one.shape[-1], one.shape[-3])]
@@ -101,7 +91,7 @@ class ForeignFile:
         self.type = {"tensor(uint8)": np.uint8, "tensor(float16)": np.float16}.get(self.picture.type, np.float32)
         sides = self.picture.shape[-3:-1] if self._last else self.picture.shape[-2:]
         stated = _literal(self.metadata.get("imgsz", ""))
-        usual = stated if isinstance(stated, list) and len(stated) == 2 else [FREE_SIDE_PX] * 2
+        usual = stated if isinstance(stated, list) and len(stated) == 2 else [640, 640]
         self.height, self.width = (
             side if isinstance(side, int) and side > 0 else int(free) for side, free in zip(sides, usual, strict=True)
         )
@@ -123,10 +113,7 @@ class ForeignFile:
         shaped = tensor.transpose(0, 2, 3, 1) if self._last else tensor
         shaped = (np.rint(shaped) if self.type is np.uint8 else shaped).astype(self.type)
         shaped = shaped if len(self.picture.shape) == 4 else shaped[0]
-        try:
-            outputs = self._session.run(None, {self.picture.name: shaped, **self._others})
-        except Exception as error:  # as above
-            raise BundleError(f"{self.path}: the network fails as it runs ({one_line(error, 160)})") from None
+        outputs = run_session(self._session, {self.picture.name: shaped, **self._others}, self.path)
         arrays = [np.asarray(array) for array in outputs]
         halves = [array.astype(np.float32) if array.dtype == np.float16 else array for array in arrays]
         return dict(zip(self.outputs, halves, strict=True))
@@ -158,13 +145,12 @@ def probes() -> Iterator[Probe]:
     folder = Path(str(files("edgemap.runtime.inputs.demo")))
     frames = json.loads((folder / "boxes.json").read_bytes())["frames"]
     video = cv2.VideoCapture(library_path(folder / "video.mp4"))
-    for number in PROBES:
+    for number, objects in PROBES.items():
         video.set(cv2.CAP_PROP_POS_FRAMES, number)
         picture = np.asarray(video.read()[1], np.uint8)
-        clear = [one for one in frames[number] if one["visible"] >= PROBE_VISIBLE and one["label"] in PROBE_LABELS]
-        boxes = np.array([one["box"] for one in clear], dtype=np.float64).reshape(-1, 4)
-        large = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1) >= PROBE_AREA_PX2
-        yield Probe(picture, boxes[large], tuple(np.array([one["label"] for one in clear])[large].tolist()))
+        clear = [one for one in frames[number] if one["id"] in objects]
+        boxes = np.array([one["box"] for one in clear], dtype=np.float64)
+        yield Probe(picture, boxes, tuple(one["label"] for one in clear))
     video.release()
 
 
@@ -210,7 +196,9 @@ def _best(
         for probe in pictures:
             tensor, placement = preprocess(probe.image)
             answers.append((probe, file.run(tensor), placement))
-        tried += [_judged(spec, reading, names, answers) for reading, names in _readings(answers, stated, spec)]
+        for reading, named in _readings(answers, stated):
+            with suppress(ValueError):  # cells that are none of this input's, labels that have no name
+                tried.append(_judged(spec, reading, named, answers))
     if not tried:
         lacking = f"no layout that edgemap reads, or more classes than {len(stated) if stated else 'COCO has'}"
         raise BundleError(f"{file.path}: outputs {file.described()} have {lacking}: state them with --names")
@@ -218,9 +206,7 @@ def _best(
     return next(one for one in tried if one.agreement >= NEARLY * most)
 
 
-def _readings(
-    answers: Answers, stated: tuple[str, ...] | None, spec: InputSpec
-) -> Iterator[tuple[Reading, tuple[str, ...]]]:
+def _readings(answers: Answers, stated: tuple[str, ...] | None) -> Iterator[tuple[Reading, tuple[str, ...]]]:
     """Readings that these outputs may have, the usual ones first, with the names of their classes."""
     outputs = answers[0][1]
     for layout in layouts(outputs):
@@ -232,27 +218,23 @@ def _readings(
             strongest = [boxes[np.argsort(-np.atleast_2d(scores.T).max(axis=0))[:10]] for boxes, scores, _ in arrays]
             largest = max(float(np.abs(boxes).max(initial=0.0)) for boxes in strongest)
             for form in FORMS[layout]:
-                share = largest <= SHARES and form in ("cxcywh", "xyxy", "yxyx")
-                reading = Reading(layout=layout, form=form, share=share, activation=activation)
-                try:
-                    for _, one, _ in answers:
-                        rows_of(one, reading, len(names), MINIMUM_SCORE, (spec.width, spec.height))
-                except ValueError:  # cells that are none of this input's, labels that have no name
-                    continue
-                yield reading, names
+                share = largest <= 2.0 and form in ("cxcywh", "xyxy", "yxyx")  # else pixels: a box may leave the input
+                yield Reading(layout=layout, form=form, share=share, activation=activation), names
 
 
 def _names(count: int | None, layout: Layout, stated: tuple[str, ...] | None) -> list[tuple[str, ...]]:
     """Names that so many values of a box may stand for; none where it is not their number."""
     if count is None:
         return [stated] if stated else [COCO_NAMES, COCO_91]
-    surplus = {0, 1} if layout == "queries" else {0} if layout in ("bin rows", "bin levels") else {0, MASKS, KEYPOINTS}
+    surplus = {0, 32, 51}  # behind the classes: nothing, or masks or keypoints of Ultralytics
+    if layout in ("queries", "bin rows", "bin levels"):
+        surplus = {0, 1} if layout == "queries" else {0}
     known = [stated] if stated else [COCO_NAMES, COCO_91[1:], COCO_91]
     return [names for names in known if count - len(names) in surplus][-1:]
 
 
 def _judged(spec: InputSpec, reading: Reading, names: tuple[str, ...], answers: Answers) -> Recognised:
-    """A reading with its agreement on the probes."""
+    """A reading with its agreement on the probes. Raises ValueError where the outputs are not of it."""
     agreement, known, whole, count = 0.0, 0, 0, 0
     for probe, outputs, placement in answers:
         corners, scores, labels = rows_of(outputs, reading, len(names), MINIMUM_SCORE, (spec.width, spec.height))

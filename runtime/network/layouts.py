@@ -131,32 +131,27 @@ def sigmoid(x: NDArray) -> NDArray:
 def parts(outputs: Arrays, layout: Layout, classes: int) -> tuple[NDArray, NDArray, NDArray | None]:
     """Geometry (N, 4) or (N, 32), scores (N, C) or (N,), and labels (N,) where the file has them."""
     arrays = list(outputs.values())
-    if layout in ("class columns", "class rows", "objectness rows", "bin rows"):
-        table = next(array for array in arrays if array.ndim == 3)[0]
-        if layout == "class columns":
-            table = table.T
-        if layout == "bin rows":
-            return table[:, classes:], table[:, :classes], None
-        if layout == "objectness rows":
-            return table[:, :4], table[:, 4:5] * table[:, 5 : 5 + classes], None
+    if layout.endswith(("rows", "columns")):
+        table = next((array for array in arrays if array.ndim == 3), arrays[0])
+        table = table.reshape(-1, table.shape[-1])
+        match layout:
+            case "class columns":
+                return table.T[:, :4], table.T[:, 4 : 4 + classes], None
+            case "objectness rows":
+                return table[:, :4], table[:, 4:5] * table[:, 5 : 5 + classes], None
+            case "bin rows":
+                return table[:, classes:], table[:, :classes], None
+            case "box score label rows":
+                return table[:, :4], table[:, 4], table[:, 5]
+            case "label score box rows":
+                return table[:, 2:6], table[:, 1], table[:, 0]
+            case "batch box label score rows":
+                return table[:, 1:5], table[:, 6], table[:, 5]
         return table[:, :4], table[:, 4 : 4 + classes], None
-    if layout in ("box score label rows", "label score box rows", "batch box label score rows"):
-        table = arrays[0].reshape(-1, arrays[0].shape[-1])
-        box, score, label = {
-            "box score label rows": (0, 4, 5),
-            "label score box rows": (2, 1, 0),
-            "batch box label score rows": (1, 6, 5),
-        }[layout]
-        return table[:, box : box + 4], table[:, score], table[:, label]
-    if layout == "bin levels":
-        bins = [array[0] for array in arrays if array.shape[-1] == 4 * BINS]
-        scores = [array[0] for array in arrays if array.shape[-1] != 4 * BINS]
-        order = [np.argsort([-len(level) for level in levels], kind="stable") for levels in (bins, scores)]
-        return (
-            np.concatenate([bins[at] for at in order[0]]),
-            np.concatenate([scores[at] for at in order[1]]),
-            None,
-        )
+    if layout == "bin levels":  # the finest level first
+        levels = sorted((array[0] for array in arrays), key=len, reverse=True)
+        bins = [level for level in levels if level.shape[1] == 4 * BINS]
+        return np.concatenate(bins), np.concatenate([level for level in levels if level.shape[1] != 4 * BINS]), None
     boxes = next(array for array in arrays if array.ndim in (2, 3) and array.shape[-1] == 4)
     count = boxes.shape[-2]
     if layout == "queries":

@@ -10,19 +10,10 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from edgemap.runtime.frames.reading import (
-    HIDDEN,
-    Coordinate,
-    Name,
-    Share,
-    Size,
-    Strict,
-)
+from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Name, Share, Size, Strict
 from edgemap.runtime.network.layouts import Reading
 
 METADATA_KEY = "edgemap.contract"
-OPSETS = range(11, 24)  # what onnxruntime 1.17 and newer run
-
 
 FileName = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]  # `_inside` checks where it leads
 Sha256 = Annotated[str, Meta(pattern=r"\A[0-9a-f]{64}\Z")]

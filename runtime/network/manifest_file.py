@@ -54,30 +54,25 @@ def check_shapes(path: Path, manifest: Manifest) -> None:
     for name, shape in shapes.items():
         if 4 * math.prod(shape) > FILE_BYTES:
             raise BundleError(f"bundle {path}: tensor {name} of shape {shape}, at most {FILE_BYTES:,} bytes")
+    expected: dict[str, tuple[int, ...]] = {}
     if (floor := detector.floor) is not None:
-        expected = (1, len(floor.labels), height // floor.stride, width // floor.stride)
         if floor.labels not in (("floor",), ("floor", "wall")):
             raise BundleError(f"bundle {path}: floor mask {floor.name} has labels {floor.labels}, floor is the first")
-        if floor.shape != expected:
-            raise BundleError(
-                f"bundle {path}: floor mask {floor.name} has shape {floor.shape}, {len(floor.labels)} labels at stride "
-                f"{floor.stride} have {expected}"
-            )
+        expected[floor.name] = (1, len(floor.labels), height // floor.stride, width // floor.stride)
     for head in detector.heads:
-        expected = head.shape
+        stride = head.strides[0]
         if detector.decode == "yolov3":
-            (stride, *others), anchors = head.strides, len(head.anchors)
-            expected = (1, max(anchors, 1) * values, height // stride, width // stride) if not others else ()
+            expected[head.name] = (1, max(len(head.anchors), 1) * values, height // stride, width // stride)
         elif detector.decode == "yolox":
-            expected = (1, sum((height // stride) * (width // stride) for stride in head.strides), values)
-        elif detector.decode == "dfl":
-            (stride, *others) = head.strides
-            rows, columns = -(-height // stride), -(-width // stride)  # 416 px are 7 cells of stride 64
-            expected = (1, values + 4 * BINS - 5, rows, columns) if not others else ()
-        if head.shape != expected:
+            cells = sum((height // stride) * (width // stride) for stride in head.strides)
+            expected[head.name] = (1, cells, values)
+        elif detector.decode == "dfl":  # 416 px are 7 cells of stride 64
+            expected[head.name] = (1, values + 4 * BINS - 5, -(-height // stride), -(-width // stride))
+    for name, shape in expected.items():
+        if shapes[name] != shape:
             raise BundleError(
-                f"bundle {path}: head {head.name} has shape {head.shape}, {detector.decode} with {len(head.anchors)} "
-                f"anchors, strides {head.strides} and {len(detector.classes)} classes has {expected}"
+                f"bundle {path}: output {name} has shape {shapes[name]}, but {shape} by its strides, anchors, labels "
+                f"and {len(detector.classes)} classes"
             )
 
 
@@ -89,14 +84,12 @@ def write_manifest(folder: Path, manifest: Manifest, name: str = MANIFEST_NAME) 
 
 def _inside(folder: Path, name: str) -> Path:
     parts = PurePosixPath(name)
-    if parts.is_absolute() or ".." in parts.parts or "\\" in name or not parts.parts or parts.name == MANIFEST_NAME:
-        raise BundleError(f"bundle {folder}: path {name!r} leaves the bundle's folder")
-    path = folder / parts
+    path, odd = folder / parts, parts.is_absolute() or ".." in parts.parts or "\\" in name
     try:
-        inside = path.resolve().is_relative_to(folder.resolve())
+        inside = not odd and path.resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError):  # a loop of links
         inside = False
-    if not inside:
+    if not inside or not parts.parts or parts.name == MANIFEST_NAME:
         raise BundleError(f"bundle {folder}: path {name!r} leaves the bundle's folder")
     return path
 

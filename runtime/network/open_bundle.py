@@ -43,18 +43,17 @@ def _model_class() -> type[Any]:
 
 
 def subgraph(model: bytes, outputs: set[str]) -> bytes:
-    """An ONNX model with these outputs alone, and the nodes and weights that they need.
+    """An ONNX model with these outputs alone, and the nodes and weights that they need."""
+    tree = _model_class().FromString(model)
+    keep_outputs(tree.graph, outputs)
+    return tree.SerializeToString()
 
-    Nodes with graphs of their own (If, Loop) keep what they name as inputs only. Raises KeyError for an unknown output,
-    ValueError where the bytes are no model.
+
+def keep_outputs(graph: Any, outputs: set[str]) -> None:
+    """Drops the other outputs of an ONNX graph, and the nodes and weights that nothing else needs.
+
+    Nodes with graphs of their own (If, Loop) keep what they name as inputs only.
     """
-    try:
-        tree = _model_class().FromString(model)
-    except Exception as error:  # protobuf's DecodeError is no public base
-        raise ValueError("no ONNX model") from error
-    graph = tree.graph
-    if missing := outputs - {one.name for one in graph.output}:
-        raise KeyError(", ".join(sorted(missing)))
     needed, kept = set(outputs), []
     for node in reversed(graph.node):  # ONNX orders nodes so that inputs come first
         if needed.intersection(node.output):
@@ -64,10 +63,8 @@ def subgraph(model: bytes, outputs: set[str]) -> bytes:
     weights = [one for one in graph.initializer if one.name in needed]
     ends = [one for one in graph.output if one.name in outputs]
     for field, items in (("node", kept), ("initializer", weights), ("output", ends)):
-        copies = [type(one).FromString(one.SerializeToString()) for one in items]
         graph.ClearField(field)
-        getattr(graph, field).extend(copies)
-    return tree.SerializeToString()
+        getattr(graph, field).extend(items)
 
 
 def open_bundle(

@@ -97,9 +97,6 @@ class Preprocessor:
         return self._tensor, where
 
 
-WHOLE = 1e-6  # cells; nearer to a whole number an edge of the picture is an edge of cells
-
-
 def floor_mask(outputs: Tensors, placement: Placement, spec: FloorSpec | None) -> FloorMask | None:
     """The floor mask of the picture placed at `placement` in the input, without padding; None without a floor head.
 
@@ -107,21 +104,15 @@ def floor_mask(outputs: Tensors, placement: Placement, spec: FloorSpec | None) -
     """
     if spec is None:
         return None
-    left, top = placement.left / spec.stride, placement.top / spec.stride
-    columns, rows = placement.width / spec.stride, placement.height / spec.stride
-    whole = all(abs(edge - round(edge)) < WHOLE for edge in (left, top, columns, rows))
-    planes = [_cut(plane, left, top, columns, rows, whole) for plane in outputs[spec.name][0]]
-    wall = planes[1] if len(planes) > 1 else None
-    return FloorMask(planes[0], placement.image_width, placement.image_height, wall)
+    floor, *wall = (_cut(plane, placement, spec.stride) for plane in outputs[spec.name][0])
+    return FloorMask(floor, placement.image_width, placement.image_height, wall[0] if wall else None)
 
 
-def _cut(
-    plane: NDArray[np.float32], left: float, top: float, columns: float, rows: float, whole: bool
-) -> NDArray[np.float32]:
-    if whole:
-        first_row, first_column = round(top), round(left)
-        return plane[first_row : first_row + round(rows), first_column : first_column + round(columns)].copy()
+def _cut(plane: NDArray[np.float32], where: Placement, stride: int) -> NDArray[np.float32]:
+    left, top, columns, rows = (side / stride for side in (where.left, where.top, where.width, where.height))
     across, down = max(round(columns), 1), max(round(rows), 1)
+    if all(edge.is_integer() for edge in (left, top, columns, rows)):
+        return plane[int(top) : int(top) + down, int(left) : int(left) + across].copy()
     x = (left + (np.arange(across) + 0.5) * columns / across - 0.5).astype(np.float32)
     y = (top + (np.arange(down) + 0.5) * rows / down - 0.5).astype(np.float32)
     grid = np.meshgrid(x, y)

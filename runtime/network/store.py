@@ -4,7 +4,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
@@ -15,6 +15,7 @@ import platformdirs
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.reading import user_path, without_secrets
 from edgemap.runtime.network.download import download
+from edgemap.runtime.network.manifest import Manifest
 from edgemap.runtime.network.manifest_file import MANIFEST_NAME, read_manifest, verified_file
 
 BUNDLE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
@@ -44,16 +45,10 @@ def bundle_folder(name: str) -> Path:
 def install_folder(folder: Path) -> Path:
     """Copy a finished bundle into the cache under its name, every file checked. Raises BundleError."""
     manifest = read_manifest(folder)
-    target = _place(manifest.name, str(folder))
-    if target.exists() and target.resolve() == folder.resolve():
+    if (target := _place(manifest.name, str(folder))).resolve() == folder.resolve():
         return target
-    with staged(target) as stage:
-        for name in manifest.sha256:
-            with _written(stage / name):
-                shutil.copyfile(verified_file(folder, manifest, name), stage / name)
-            verified_file(stage, manifest, name)
-        shutil.copyfile(folder / MANIFEST_NAME, stage / MANIFEST_NAME)
-    return target
+    text = (folder / MANIFEST_NAME).read_bytes()
+    return _install(target, manifest, text, lambda name, to: shutil.copyfile(verified_file(folder, manifest, name), to))
 
 
 def install_url(url: str, progress: bool = True) -> Path:
@@ -62,26 +57,28 @@ def install_url(url: str, progress: bool = True) -> Path:
     Raises BundleError or DownloadError; the cache is left as it was.
     """
     base = url.removesuffix(MANIFEST_NAME).rstrip("/")
+
+    def fetch(name: str, to: Path) -> None:
+        download(f"{base}/{quote(name)}", to, sums=(manifest.sha256[name],), progress=progress)
+
     with tempfile.TemporaryDirectory() as name:
         page = download(f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, progress=False)
         manifest, text = read_manifest(page.parent), page.read_bytes()
-    target = _place(manifest.name, url)
+    return _install(_place(manifest.name, url), manifest, text, fetch)
+
+
+def _install(target: Path, manifest: Manifest, text: bytes, fetch: Callable[[str, Path], object]) -> Path:
+    """A bundle at its place in the cache. text: its bundle.json. fetch: brings a file of this name to a path."""
     with staged(target) as stage:
-        for name, expected in manifest.sha256.items():
-            with _written(stage / name):
-                download(f"{base}/{quote(name)}", stage / name, sums=(expected,), progress=progress)
+        for name in manifest.sha256:
+            try:
+                (stage / name).parent.mkdir(parents=True, exist_ok=True)
+                fetch(name, stage / name)
+            except OSError as error:
+                raise BundleError(f"{stage / name}: cannot be written ({error.strerror or error})") from None
+            verified_file(stage, manifest, name)
         (stage / MANIFEST_NAME).write_bytes(text)
     return target
-
-
-@contextmanager
-def _written(path: Path) -> Iterator[None]:
-    """Makes the file's folder; what goes wrong while the file is written is a BundleError."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield
-    except OSError as error:
-        raise BundleError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
 def check_place(target: Path) -> None:
@@ -108,13 +105,10 @@ def staged(target: Path) -> Iterator[Path]:
         yield stage
         if target.exists():
             target.rename(old)
-        try:
-            stage.rename(target)
-        except OSError:
-            if old.exists():
-                old.rename(target)
-            raise
+        stage.rename(target)
     finally:
+        if old.exists() and not target.exists():
+            old.rename(target)
         shutil.rmtree(stage, ignore_errors=True)
         shutil.rmtree(old, ignore_errors=True)
 

@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import painted
 from support.made_camera import MadeCamera
 
 from edgemap.benchmarks import rivals as contest
-from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, floor_head_ms, measure
+from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, measure
 from edgemap.benchmarks.map_variants import remembering, replayed
-from edgemap.benchmarks.odometry import follow
 from edgemap.benchmarks.rivals import picture_to_boxes
-from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.open import DEMO, open_camera
 from edgemap.runtime.network.bundle import load_bundle
@@ -58,12 +56,6 @@ def test_drives_go_in_order_and_begin_again_with_an_empty_map():
 def test_a_source_of_one_frame_is_refused():
     with pytest.raises(CameraError, match="two frames or more, counting gave 1"):
         list(zip(range(2), drive_chunks(lambda: (counting(1), Slam())), strict=False))
-
-
-def test_a_source_without_true_poses_is_refused():
-    nothing: Any = None
-    with pytest.raises(OdometryError, match="counting brings no true poses"):
-        follow(counting(2), nothing)
 
 
 def test_processor_time_is_counted_and_sleeping_is_not():
@@ -109,16 +101,6 @@ def test_ratios_are_ours_over_theirs(monkeypatch):
     assert ratios["cpu_ratio"] == pytest.approx(1 / 3, abs=1e-3)
 
 
-def test_the_floor_head_is_timed_apart_from_its_backbone(tmp_path):
-    bundle = load_bundle(bundle_folder("edgemap-nano"), 1).for_pictures(640, 480)
-    before = time.process_time()
-    bundle.backbone.run(bundle.backbone.zeros())
-    whole_ms = 1e3 * (time.process_time() - before)
-    head_ms = floor_head_ms(bundle)
-    assert 0.1 < head_ms < whole_ms / 3.0
-    assert floor_head_ms(load_bundle(painted.write_painted(tmp_path / "b", []), 1)) is None
-
-
 @pytest.mark.parametrize("name", ["edgemap-nano", "yolox-nano", "edgemap-pico"])
 def test_the_rivals_loop_finds_our_boxes(name):
     bundle = load_bundle(bundle_folder(name), threads=1)
@@ -161,17 +143,17 @@ def test_side_by_side_is_the_same_as_alone(demo):
         assert places(replayed(drive, bundle, {name: variant}, 16)[name]) == places(together[name])
 
 
-@pytest.mark.parametrize("most", [None, 1])
-def test_a_remembered_picture_has_the_outputs_of_the_network(demo, most):
+def test_a_remembered_picture_has_the_outputs_of_the_network(demo):
     _, bundle = demo
-    kept = remembering(bundle, most).backbone
+    kept = remembering(bundle).backbone
     tensors = kept.zeros()
     first, again, plain = kept.run(tensors), kept.run(tensors), bundle.backbone.run(tensors)
     for name, values in plain.items():
         np.testing.assert_array_equal(first[name], values)
         assert again[name] is first[name]
-    kept.run({name: values + 1.0 for name, values in tensors.items()})
-    assert all((kept.run(tensors)[name] is values) == (most is None) for name, values in first.items())
+    other = {name: values + 1.0 for name, values in tensors.items()}
+    found, plain = kept.run(other), bundle.backbone.run(other)
+    assert all(np.array_equal(found[name], values) for name, values in plain.items())
 
 
 def test_loops_close_only_where_poses_are_not_given():

@@ -143,18 +143,6 @@ def test_a_mount_can_be_given_where_the_data_have_none_or_another(evaluate, tmp_
     assert "or give --mount" in one_line(evaluate("--data", spec))
 
 
-def test_the_share_of_frames_of_each_member_is_told(evaluate, tmp_path):
-    """Wheels that end after 40 of 60 motions: blind in the last 20."""
-    spec = drive(tmp_path / "a")
-    rows = (tmp_path / "a" / "wheel.csv").read_text().splitlines(keepends=True)
-    (tmp_path / "a" / "wheel.csv").write_text("".join(rows[:-20]))
-    own = document(evaluate("--data", spec, "--json"))
-    assert own["sequences"]["a"]["availability"]["wheels"] == {"used": 0.6667, "blind": 0.3333, "left_out": 0.0}
-    assert own["total"]["availability"] == own["sequences"]["a"]["availability"]
-    told = evaluate("--data", spec).stdout
-    assert "  wheels    used 66.7 %, blind 33.3 %, left out 0.0 %" in told.splitlines()
-
-
 def test_what_cannot_be_done_is_one_line(evaluate, tmp_path):
     assert "no wheel odometry" in one_line(evaluate("--data", kitti(tmp_path / "k"), "--odometry", "wheel"))
     (tmp_path / "k" / "camera.yaml").unlink()

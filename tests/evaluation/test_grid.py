@@ -1,10 +1,12 @@
 """Figures of the grid, of rooms and doors and of floor masks, against plans and pictures by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from edgemap.evaluation.floor import FloorScore, contact_rows, contacts
-from edgemap.evaluation.grid import TrueFloor, score_grid
+from edgemap.evaluation.grid import score_grid
 from edgemap.evaluation.rooms import TruePlan, score_rooms
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -20,7 +22,7 @@ def box(x0, y0, x1, y1):
 
 
 # A room of 2 x 1 m with a wall of 0.2 m behind x = 2 and furniture in its last 0.5 m, in cells of 0.1 m.
-TRUTH = TrueFloor([box(0, 0, 2, 1)], [box(2, 0, 2.2, 1)], [box(1.5, 0, 2.0, 1.0)])
+TRUTH = TruePlan([box(0, 0, 2, 1)], ["kitchen"], [], [box(2, 0, 2.2, 1)], [box(1.5, 0, 2.0, 1.0)])
 
 
 def grid(free=(), occupied=()):
@@ -53,7 +55,7 @@ def test_occupied_cells_are_right_within_10_cm_of_wall_or_furniture():
 
 
 def test_of_walls_only_those_beside_seen_floor_are_asked_for():
-    bare = TrueFloor(TRUTH.floor, TRUTH.walls, [])
+    bare = replace(TRUTH, footprints=[])
     half = [(column, row) for column in range(20) for row in range(5)]
     seen = score_grid(grid(free=half, occupied=[(20, row) for row in range(3)]), bare)
     # Rows 0 to 6 of the wall are within 25 cm of free floor, rows 0 to 3 within 10 cm of an occupied cell.
@@ -62,9 +64,10 @@ def test_of_walls_only_those_beside_seen_floor_are_asked_for():
 
 def test_a_grid_far_off_and_turned_polygons_are_judged_in_one_frame():
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
-    polygons = ([polygon @ turn.T + [5.0, -3.0] for polygon in part] for part in (TRUTH.floor, TRUTH.walls, []))
+    rooms, walls = ([polygon @ turn.T + [5.0, -3.0] for polygon in part] for part in (TRUTH.rooms, TRUTH.walls))
     moved = OccupancyGrid(np.full((10, 5), -40, np.int8), 4.5, -3.0, 0.1)
-    assert score_grid(moved, TrueFloor(*polygons))["free"] == {"precision": 1.0, "precision_10cm": 1.0, "recall": 0.25}
+    plan = TruePlan(rooms, TRUTH.kinds, [], walls)
+    assert score_grid(moved, plan)["free"] == {"precision": 1.0, "precision_10cm": 1.0, "recall": 0.25}
 
 
 def test_what_saw_nothing_has_nulls():

@@ -98,14 +98,6 @@ def test_errors_that_last_show_in_the_nees_over_windows():
     assert found[1.0].mean() == pytest.approx(30.0, abs=4.0)
 
 
-def test_another_number_of_poses_is_refused():
-    with pytest.raises(ValueError, match="101 true poses or motions against 100"):
-        segment_errors(STRAIGHT, STRAIGHT[1:], 1.0)
-    for errors in (aligned_errors_m, motion_errors):
-        with pytest.raises(ValueError, match="101 true poses or motions against 100"):
-            errors(STRAIGHT, STRAIGHT[1:])
-
-
 @pytest.mark.parametrize(("stamp_s", "whole"), [(0.995, True), (0.985, False)])
 def test_a_window_may_end_a_hundredth_of_a_second_early_and_no_more(stamp_s, whole):
     """A window of a second: the step after the frame at this stamp errs, and counts where that frame came too early."""
@@ -158,14 +150,12 @@ def test_drift_is_a_share_of_the_segments_length():
     )
 
 
-def test_a_drive_too_short_for_all_lengths_has_null_and_one_pose_is_refused():
+def test_a_drive_too_short_for_all_lengths_has_null():
     found = score_trajectory(STRAIGHT[:3], STRAIGHT[:3])
     assert found["t_rel_percent"] == {"1": None, "2": None, "5": None}
     assert found["t_rel_mean_percent"] is None
     assert found["nees"] is None
     assert found["ate_m"] == pytest.approx(0.0, abs=1e-12)
-    with pytest.raises(ValueError, match="a motion needs two"):
-        errors_of(STRAIGHT[:1], STRAIGHT[:1])
 
 
 def test_the_papers_rmse_is_of_integrated_places_from_a_common_start():
