@@ -30,7 +30,7 @@ def command(
 ) -> None:
     """Fetch a model into the cache, ready to run.
 
-    The file comes from its authors; every file's SHA-256 is checked before anything reads it.
+    Upstream is tried first, then mirrors; every file's SHA-256 is checked before anything reads it.
     """
     from edgemap.runtime.network.download import is_url
     from edgemap.runtime.network.store import install_folder, install_url

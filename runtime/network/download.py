@@ -6,7 +6,7 @@ from urllib.parse import urlsplit
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.limits import SILENCE_S
-from edgemap.runtime.frames.reading import one_line, without_secrets
+from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.network.manifest_file import sha256_file
 
 
@@ -22,18 +22,18 @@ def is_url(text: str) -> bool:
         return False
 
 
-def download(url: str, target: Path, *, sums: tuple[str, ...] = (), progress: bool = True) -> Path:
+def download(url: str, target: Path, *, sums: tuple[str, ...] = (), label: str = "", progress: bool = True) -> Path:
     """Fetches `url` into `target`, which appears only when it is complete and verified.
 
     A file that is there and has the right sum is not fetched again.
 
-    sums: SHA-256 values, one of which the file must have; empty accepts any file. Raises DownloadError, one line, in
-    which the URL has no password.
+    sums: SHA-256 values, one of which the file must have; empty accepts any file. label: the source in messages in
+    place of the URL, which may hold a password. Raises DownloadError, one line.
     """
     import pooch
     import requests
 
-    label = without_secrets(url)
+    label = label or url
     if not is_url(url):
         raise DownloadError(f"{label}: not an http or https URL")
     pooch.get_logger().setLevel("WARNING")

