@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, CameraOptions, SensorTopics
 from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.inputs.cameras.kinds import CameraKind, FileKind
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.trajectory import Trajectory
 
 
-class TopicKind(CameraKind):
+class TopicKind:
     """`ros2:/topic`, with depth from another topic. `ros2 topic list` shows the topics."""
 
     def open(self, address: str, how: CameraOptions) -> Camera:
@@ -24,8 +23,12 @@ class TopicKind(CameraKind):
         depth = DepthTopic(node, how.topics.depth) if how.depth else None
         return Ros2Camera(node, address, how.intrinsics, how.mount, how.recovery, depth, how.rotate)
 
+    def found(self) -> list[tuple[str, str]]:
+        """Topics are not searched for: `ros2 topic list` shows them."""
+        return []
 
-class RecordingKind(FileKind):
+
+class RecordingKind:
     """`FILE.mcap[#/topic]`: ours, or a bag of ROS 2."""
 
     def open(self, address: str, how: CameraOptions) -> Camera:
@@ -33,6 +36,10 @@ class RecordingKind(FileKind):
         from edgemap.bridges.ros2.recordings.camera import RecordingCamera
 
         return RecordingCamera(address, how.intrinsics, how.mount, how.topics, how.depth, how.rotate)
+
+    def found(self) -> list[tuple[str, str]]:
+        """Files are not searched for."""
+        return []
 
     def wheels(self, address: str) -> "Trajectory":
         """The wheels' poses in the file. Raises CameraError."""

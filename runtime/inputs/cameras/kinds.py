@@ -35,8 +35,8 @@ class CameraKind(Protocol):
         ...
 
     def found(self) -> Sequence[tuple[str, str]]:
-        """(address, display name) of each connected camera, for `edgemap cameras`; here none is searched for."""
-        return ()
+        """(address, display name) of each connected camera, for `edgemap cameras`."""
+        ...
 
     def wheels(self, address: str) -> Trajectory:
         """The wheels' poses in the file. Of kinds of files only. Raises CameraError."""
