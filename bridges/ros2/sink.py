@@ -12,18 +12,17 @@ from typing import Any
 
 from edgemap.bridges.ros2.dds.discovery import discovery_from
 from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, shared_node
-from edgemap.bridges.ros2.dds.tf_poses import TfTrack
+from edgemap.bridges.ros2.dds.sources import RobotOdom
 from edgemap.bridges.ros2.dds.types import in_namespace
 from edgemap.bridges.ros2.messages import build, topics
 from edgemap.bridges.ros2.messages.definitions import RosClock, to_ns
 from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics, label_info
 from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
-from edgemap.bridges.ros2.messages.tf_chain import TfFrames
 from edgemap.bridges.ros2.messages.topics import FrameIds
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import OdometryError, Ros2Error, UsageError
+from edgemap.runtime.frames.errors import Ros2Error, UsageError
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.option_texts import words_of
@@ -103,11 +102,9 @@ class Ros2Sink(Sink):
         self._options, self._run = options, run
         self._diagnostics = RunDiagnostics(options.namespace.strip("/") or NAMESPACE, run.robot)
         self._diagnosed_s = -math.inf
-        ids, self._offset_s = options.frames, 0.0  # from stamps of the stream to ROS time
-        frames = TfFrames(f"{ids.odom},{ids.base}", "--ros2 odom_tf=no")
-        self._robot_odom = None if options.odom_tf else TfTrack(node, frames, lambda: self._offset_s)
-        odom = self._robot_odom and self._odom_of_robot
-        self._stream = MessageStream(run.floor.intrinsics, run.floor.mount, ids, static_mount=True, robot_odom=odom)
+        self._robot_odom = None if options.odom_tf else RobotOdom(node, options.frames)
+        lens, mount = run.floor.intrinsics, run.floor.mount
+        self._stream = MessageStream(lens, mount, options.frames, static_mount=True, robot_odom=self._robot_odom)
         self._publishers = {topic: self._publisher(node, topic) for topic in options.published}
         self._asked: Future[str] | None = None  # the newest pose, until it is taken or refused
         self._goals: deque[SE2] = deque(maxlen=8)
@@ -123,8 +120,10 @@ class Ros2Sink(Sink):
         self._take_pose()
         while self._goals:
             self._goal.write(build.goal_pose(self._goals.popleft(), self._options.frames.map, time.time_ns()))
-        self._offset_s = self._clock.offset_s(result.frame.stamp_s, sum(result.stages_ms.values()) / 1e3)
-        stamp_ns = to_ns(result.frame.stamp_s + self._offset_s)
+        offset_s = self._clock.offset_s(result.frame.stamp_s, sum(result.stages_ms.values()) / 1e3)
+        if self._robot_odom is not None:
+            self._robot_odom.offset_s = offset_s
+        stamp_ns = to_ns(result.frame.stamp_s + offset_s)
         self._send(self._stream.step(result, objects, stamp_ns))
         self._diagnostics.step(result)
         if time.monotonic() - self._diagnosed_s >= EVERY_S:  # as diagnostic_updater
@@ -160,12 +159,6 @@ class Ros2Sink(Sink):
         """Publish a goal for the robot's base with the next step; from any thread."""
         self._goals.append(pose_map_base)
 
-    def _odom_of_robot(self, stamp_s: float) -> SE2 | None:
-        """odom -> base by the robot's tf at a stamp; None where that has none."""
-        with suppress(OdometryError):
-            return self._robot_odom and self._robot_odom.at(stamp_s)
-        return None
-
     def _take_pose(self) -> None:
         with suppress(Ros2Error):  # a damaged message of somebody else's
             message = self._initial_pose.newest()
@@ -173,8 +166,9 @@ class Ros2Sink(Sink):
                 self._asked = self._run.edits.submit(pose_edit(message))
 
     def close(self) -> None:
-        """Unpublish; may be called twice."""
+        """Unpublish and unsubscribe; may be called twice."""
         self._publishers.clear()
+        self._initial_pose.close()
 
     def _publisher(self, node: Node, topic: str) -> Publisher:
         name = self._options.topic(topic)

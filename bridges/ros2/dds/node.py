@@ -96,8 +96,11 @@ class Subscription:
             raise Ros2Error(f"{self.topic}: a damaged message ({type(error).__name__} {error})") from None
 
     def close(self) -> None:
-        """Unsubscribe."""
+        """Unsubscribe: first what waits for the reader, since Cyclone DDS may give its handle to a new entity."""
         self._waits = self._any = self._reader = None
+
+    def __del__(self) -> None:
+        self.close()
 
     def _samples(self) -> list[bytes]:
         taken = self._reader.take(self._depth)

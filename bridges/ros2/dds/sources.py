@@ -7,10 +7,10 @@ from typing import TypeVar
 
 from edgemap.bridges.ros2.dds.node import Node, Reliability, Subscription
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
-from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar_pose
-from edgemap.bridges.ros2.messages.topics import KINDS, TF, TF_STATIC, WHEEL
+from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar, planar_pose
+from edgemap.bridges.ros2.messages.topics import KINDS, TF, TF_STATIC, WHEEL, FrameIds
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.trajectory import GrowingTrack
 
 WAIT_S = 6.0  # for what somebody publishes: Fast DDS announces latched topics to late readers every 3 s
@@ -40,6 +40,29 @@ class TfListener:
             if answer is not None or time.monotonic() > until_s:
                 return answer
             time.sleep(0.02)
+
+
+class RobotOdom:
+    """odom -> base as it comes on /tf. Called with a stamp of the stream, s. offset_s: from there to ROS time."""
+
+    def __init__(self, node: Node, frames: FrameIds) -> None:
+        self.offset_s = 0.0
+        self._frames, self._track = frames, GrowingTrack()
+        self._tf = node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500)
+
+    def __call__(self, stamp_s: float) -> SE2 | None:
+        """The pose at a stamp; None where tf has none."""
+        for message in self._tf.take():
+            for step in message.transforms:
+                if (step.header.frame_id, step.child_frame_id) == (self._frames.odom, self._frames.base):
+                    moved = step.transform
+                    with suppress(CameraError):  # invalid transforms are ignored
+                        pose = planar(moved.translation, moved.rotation, TF)
+                        self._track.push(to_s(ns_of(step.header.stamp)), pose)
+        try:
+            return self._track.at(stamp_s + self.offset_s)
+        except OdometryError:
+            return None
 
 
 class TopicTrack(GrowingTrack):

@@ -62,8 +62,13 @@ def transform_of(transform: Any, where: str) -> tuple[Array, Array]:
 
 def planar_pose(pose: Any, where: str) -> SE2:
     """A decoded `geometry_msgs/Pose` as a planar pose. where: for messages. Raises CameraError for an invalid pose."""
-    x, y, z, w = (getattr(pose.orientation, axis) for axis in "xyzw")
-    norm, values = math.hypot(x, y, z, w), (pose.position.x, pose.position.y)
+    return planar(pose.position, pose.orientation, where)
+
+
+def planar(position: Any, orientation: Any, where: str) -> SE2:
+    """A position and a quaternion as a planar pose. Raises CameraError for an invalid pose."""
+    x, y, z, w = (getattr(orientation, axis) for axis in "xyzw")
+    norm, values = math.hypot(x, y, z, w), (position.x, position.y)
     if not abs(norm - 1.0) < QUATERNION_TOLERANCE or not all(abs(value) <= FARTHEST_POSE_M for value in values):
         raise CameraError(f"{where}: no pose: position {values} m, quaternion of length {norm:.3f}")
     x, y, z, w = (value / norm for value in (x, y, z, w))
