@@ -28,7 +28,7 @@ from edgemap.runtime.network.network import Compute, Tensors
 DARKNET = {"yolov3": yolov3, "yolov3-tiny": yolov3_tiny}
 ADOPTED = ("yolox-nano", "picodet-s")
 BACKBONES = (*DARKNET, *ADOPTED)
-NOT_KNOWN = KnownModel("", "", (), "not stated")
+NOT_KNOWN = KnownModel("", "", (), "not stated", ())
 DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5
 
 

@@ -129,7 +129,7 @@ def test_people_get_lines_and_a_picture(evaluate, tmp_path):
 
 def test_tuned_numbers_can_be_given(evaluate, tmp_path):
     (tmp_path / "few.yaml").write_text("config:\n  odometry:\n    pictures: {corners: {corners: 60}}\n")
-    flags = ("--frames", "40", "--odometry", "window", "--json")
+    flags = ("--frames", "40", "--without-wheels", "--json")
     found, few = (document(evaluate(*flags, *more)) for more in ((), ("--config", tmp_path / "few.yaml")))
     assert found["sequences"]["demo"]["ate_m"] != few["sequences"]["demo"]["ate_m"]
 
@@ -148,4 +148,4 @@ def test_what_cannot_be_done_is_one_line(evaluate, tmp_path):
     (tmp_path / "k" / "camera.yaml").unlink()
     assert "lens unknown: write it into its camera.yaml" in one_line(evaluate("--data", f"kitti:{tmp_path / 'k'}"))
     pictures(tmp_path / "p")
-    assert "brings no true poses" in one_line(evaluate("--camera", tmp_path / "p", "--odometry", "window"))
+    assert "brings no true poses" in one_line(evaluate("--camera", tmp_path / "p"))

@@ -99,6 +99,8 @@ def test_lengths_that_poses_measure_are_not_corrected(
 ):
     """With wheels or poses alone nothing of a motion is in proportion to a guessed height."""
     (pictures / "camera.yaml").unlink()
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wheels.csv").write_text("stamp_s,x_m,y_m,yaw_rad\n0.0,0.0,0.0,0.0\n5.0,1.0,0.0,0.0\n")
 
     def built(*arguments):
         raise CameraError(f"guessed to {arguments[3].guessed_height:.3f}")

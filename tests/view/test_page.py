@@ -55,7 +55,7 @@ def indices(camera, count):
     return [None if frame is None else frame.index for frame in (camera.read() for _ in range(count))]
 
 
-def test_after_a_pause_frames_keep_their_pace_and_none_is_lost():
+def test_after_a_pause_frames_keep_their_pace_and_none_is_lost(monkeypatch):
     """Stamps are 0.4 s apart; the clock is the test's own, and sleeping moves it. A pause of 30 s between two."""
     now, waits = [0.0], []
 
@@ -63,9 +63,10 @@ def test_after_a_pause_frames_keep_their_pace_and_none_is_lost():
         waits.append(seconds)
         now[0] += seconds
 
+    monkeypatch.setattr("time.sleep", sleep)
     pause = Pause(lambda: now[0])
     five = MadeCamera(5, lambda _: np.zeros((4, 4, 3), np.uint8), rate_hz=2.5)
-    camera = PausableCamera(PacedCamera(five, pause.running_s, sleep), pause, lambda: False)
+    camera = PausableCamera(PacedCamera(five, pause.running_s), pause, lambda: False)
     assert indices(camera, 2) == [0, 1]
     pause.set(True)
     now[0] += 30.0
