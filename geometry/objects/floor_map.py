@@ -7,6 +7,7 @@ moves with the keyframes that observed it.
 """
 
 import math
+from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -60,7 +61,8 @@ class FloorMap:
         self._changed: dict[str, None] = {}
         self._overlaps = Overlaps(self.rule.overlap)
         self._shown: dict[str, MapObject] = {}
-        self._listed: list[MapObject] = []  # what is shown, by id
+        self._ordered: list[MapObject] = []  # what is shown, by id
+        self._listed: list[MapObject] | None = []
         self.grid: OccupancyGrid | None = None  # that footprints are fitted to
         self._unfitted: dict[str, None] = {}  # ids of objects whose outlines have changed, oldest first
 
@@ -150,6 +152,8 @@ class FloorMap:
     def objects(self) -> list[MapObject]:
         """Objects with enough evidence, one in each place, ordered by id."""
         self._refresh()
+        if self._listed is None:
+            self._listed = self._ordered.copy()
         return self._listed
 
     def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
@@ -301,11 +305,18 @@ class FloorMap:
         self._changed = {}
         for identity in self._overlaps.settle():
             members = self._overlaps.members.get(identity)
-            if members and (shown := self._as_map_object(members)):
-                self._shown[identity] = shown
-            else:
-                self._shown.pop(identity, None)
-        self._listed = sorted(self._shown.values(), key=lambda item: (id_order(item.id), item.id))
+            self._show(identity, self._as_map_object(members) if members else None)
+        self._listed = None
+
+    def _show(self, identity: str, shown: MapObject | None) -> None:
+        """Shows or hides an object at its place in the order, so that a large map is not sorted again."""
+        listed, key = identity in self._shown, (id_order(identity), identity)
+        at = bisect_left(self._ordered, key, key=lambda item: (id_order(item.id), item.id))
+        if shown is None and listed:
+            del self._shown[identity], self._ordered[at]
+        elif shown is not None:
+            self._shown[identity] = shown
+            self._ordered[at : at + listed] = [shown]
 
     def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
         """Candidates in one place as one object; None where their evidence together does not suffice."""
