@@ -89,8 +89,9 @@ class Mount:
     def floor_by_tilt(self, point_base_m: Array) -> Array:
         """Derivative (2, 2) by roll and pitch, m per rad, of where a ray meets the floor, (2,), base frame."""
         x, y = (point_base_m - [self.forward_m, self.left_m]).tolist()
-        h = self.height_m
-        return np.array([[x * y, -(h * h + x * x)], [h * h + y * y, -x * y]]) / h
+        h, c, s = self.height_m, math.cos(self.pitch_rad), math.sin(self.pitch_rad)  # it rolls about the pitched axis
+        by_roll = [c * x * y + s * h * y, c * (h * h + y * y) - s * h * x]
+        return np.column_stack([by_roll, [-(h * h + x * x), -x * y]]) / h
 
 
 @dataclass(frozen=True, slots=True)

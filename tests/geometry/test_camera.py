@@ -154,10 +154,13 @@ def test_floor_covariance_matches_sampling(tilt_deg, height_m):
     np.testing.assert_allclose(shared[0], np.cov(by_mount.T), rtol=0.12, atol=2e-5)
 
 
-def test_where_a_ray_meets_the_floor_moves_as_the_mount_tilts():
-    def meets(roll_rad, pitch_rad):
-        return FloorCamera(PLAIN, Mount(0.5, pitch_rad, roll_rad, 0.2, 0.1)).floor_points([[420.0, 330.0]])[0]
+@pytest.mark.parametrize("pitch_rad", [0.0, 0.2, 0.8])
+def test_where_a_ray_meets_the_floor_moves_as_the_mount_tilts(pitch_rad):
+    def meets(roll_rad, more_rad):
+        mount = Mount(0.5, pitch_rad + more_rad, roll_rad, 0.2, 0.1)
+        return FloorCamera(PLAIN, mount).floor_points([[420.0, 330.0]])[0]
 
     e = 1e-6
     slopes = np.column_stack([meets(e, 0.0) - meets(-e, 0.0), meets(0.0, e) - meets(0.0, -e)]) / (2.0 * e)
-    np.testing.assert_allclose(Mount(0.5, 0.0, 0.0, 0.2, 0.1).floor_by_tilt(meets(0.0, 0.0)), slopes, rtol=1e-5)
+    by_tilt = Mount(0.5, pitch_rad, 0.0, 0.2, 0.1).floor_by_tilt(meets(0.0, 0.0))
+    np.testing.assert_allclose(by_tilt, slopes, rtol=1e-5)
