@@ -110,7 +110,7 @@ def command(
 
     from edgemap.simulation.live import RENDERERS
 
-    need("simulation", "edgemap simulate", RENDERERS)
+    need("simulation", "edgemap simulate", (*RENDERERS, "av") if video else RENDERERS)
     at_least(1, frames=frames, pictures=pictures, floor_labels=floor_labels)
     if floor_labels is not None and (video or locobot or pictures is not None):
         raise UsageError("--floor-labels is for drives of single pictures; --pictures has them always")

@@ -25,9 +25,12 @@ class MapPicture:
     _drawing: Future[None] | None = None
 
     def draw(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Begins a drawing, unless one is under way."""
-        if self._drawing is not None and not self._drawing.done():
-            return
+        """Begins a drawing, unless one is under way. Raises what the last one raised."""
+        if self._drawing is not None:
+            if not self._drawing.done():
+                return
+            drawn, self._drawing = self._drawing, None
+            drawn.result()
         self._drawing = self._worker.submit(self._draw, result, objects, result.trajectory.thinned(POSES)[1])
 
     def room(self, pose: SE2) -> str | None:

@@ -30,6 +30,7 @@ pytestmark = pytest.mark.skipif(
     bool(MISSING), reason=f"not here: {', '.join(MISSING)} (apt install mosquitto …-clients)"
 )
 
+from edgemap.bridges.mqtt.picture import MapPicture  # noqa: E402
 from edgemap.bridges.mqtt.sink import MqttPublisher, topic_level  # noqa: E402
 
 
@@ -154,6 +155,19 @@ def test_the_picture_has_nothing_of_the_camera(broker):
     assert sent[0] == sent[1]
     picture = cv2.imdecode(np.frombuffer(sent[0], np.uint8), cv2.IMREAD_COLOR)
     assert picture.std() > 1.0
+
+
+def test_a_picture_that_cannot_be_drawn_is_told_with_the_next_one():
+    def refused(data):
+        raise RuntimeError("no room on the disk")
+
+    (result, objects), picture = two_objects(), MapPicture(refused)
+    picture.draw(result, objects)
+    wait_for(picture._drawing.done, "the drawing")
+    with pytest.raises(RuntimeError, match="no room"):
+        picture.draw(result, objects)
+    picture.draw(result, objects)
+    picture.close()
 
 
 def test_objects_appear_move_and_vanish(broker):
