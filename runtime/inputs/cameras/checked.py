@@ -111,7 +111,7 @@ class CheckedCamera(Camera):
         self._ahead: Frame | None = None
         self._new: list[CameraFault] = []
         self._check = PictureCheck(self.info.name, self.info.size, self._new.append)
-        self._failures = 0
+        self._failures, self._offset_s = 0, 0.0  # the latter from the camera's stamps, once its clock ran backwards
 
     @property
     def state(self) -> CameraState:
@@ -161,6 +161,8 @@ class CheckedCamera(Camera):
             self._check.note(FaultKind.FORMAT, "inertial samples are none, or not finite in order of time; left out")
             imu = ImuSamples.none()
         stamp_s = self._stamp(value.stamp_s)
+        if self._offset_s:
+            imu = replace(imu, stamps_s=imu.stamps_s + self._offset_s)  # the camera's clock is also theirs
         name = printable(value.name) if isinstance(value.name, str) else f"{self.info.name}#{self._delivered}"
         image, depth = picture
         frame = Frame(self._delivered, stamp_s, image, name, imu, depth, search=value.search is not False)
@@ -168,14 +170,17 @@ class CheckedCamera(Camera):
         return frame
 
     def _stamp(self, value: Any) -> float:
-        """The stamp in seconds, where it is after the last one; else one frame interval after that."""
-        stamp_s = stamp_of(value)
+        """The stamp in seconds, where it is after the last one; else one frame interval after that, as are the stamps
+        that follow one that ran backwards."""
+        stamp_s = stamp_of(value) + self._offset_s
         if not stamp_s > self._last_s:  # NaN too
             kind = FaultKind.STAMP if math.isnan(stamp_s) else FaultKind.CLOCK
             text = f"stamp {one_line(repr(value), 40)} is no time after {self._last_s:.6g} s; one interval taken"
             self._check.note(kind, text)
             interval_s = 1.0 / (self.info.rate_hz or DEFAULT_RATE_HZ)
-            stamp_s = self._last_s + interval_s if math.isfinite(self._last_s) else 0.0
+            next_s = self._last_s + interval_s if math.isfinite(self._last_s) else 0.0
+            self._offset_s += 0.0 if math.isnan(stamp_s) else next_s - stamp_s
+            stamp_s = next_s
         self._last_s = stamp_s
         return stamp_s
 

@@ -115,6 +115,17 @@ def test_a_frame_with_a_wrong_field_is_one_fault(wrong, kind, left):
     assert all(got.name.isprintable() for got in frames)
 
 
+def test_a_clock_that_is_set_back_takes_its_samples_along():
+    """20 Hz by stamps, whatever the camera states; after frame 9 the clock is 100 s behind."""
+    stamps = [0.05 * n - (100.0 if n > 9 else 0.0) for n in range(20)]
+    imu = [ImuSamples(np.array([stamp_s - 0.01]), np.zeros((1, 3)), np.ones((1, 3))) for stamp_s in stamps]
+    source = Theirs([frame(n, stamp_s=stamps[n], imu=imu[n]) for n in range(20)])
+    frames, faults = read_all(CheckedCamera(source, "lab"))
+    assert [fault.kind.value for fault in faults] == ["clock"]
+    assert np.delete(np.diff([got.stamp_s for got in frames]), 9) == pytest.approx([0.05] * 18)
+    assert [got.stamp_s - got.imu.stamps_s[0] for got in frames] == pytest.approx([0.01] * 20)
+
+
 def test_reads_that_raise_and_return_anything_are_faults_and_come_to_an_end():
     odd = [ValueError("?"), RuntimeError("a\nb"), "text", 7, SimpleNamespace(stamp_s=1.0, image=GREY)]
     source = Theirs([frame(0), *odd, frame(9)])
