@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.limits import PATIENCE_S, SILENCE_S, TICK_S
+from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.drives.pictures import APART_S, ENCODINGS, Depth, DepthBeside, bgr_of
@@ -211,6 +213,9 @@ def recorded_motion(rs: ModuleType, path: Path) -> ImuSamples | None:
     await_begin(rs, playback)
     while playback.current_status() != rs.playback_status.stopped and time.monotonic() < until_s:
         time.sleep(0.005)
+    if playback.current_status() != rs.playback_status.stopped:
+        text = f"{path}: its motion is not read whole within {PLAYBACK_LIMIT_S:g} s, the rest is left out"
+        note(FaultKind.SAMPLES, text)
     for sensor, _ in sensors:
         sensor.stop()
         sensor.close()

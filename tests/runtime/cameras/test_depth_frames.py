@@ -172,3 +172,13 @@ def test_a_realsense_recording_brings_all_of_its_samples(tmp_path):
     assert [len(frame.imu) for frame in frames] == [1] + [7] * 28
     np.testing.assert_allclose(frames[1].imu.gyro_rad_s[0], [0.1, 0.2, 0.001], atol=1e-7)
     np.testing.assert_allclose(frames[1].imu.accel_m_s2[0], [0.0, -9.8, 1.0], atol=1e-6)
+
+
+def test_a_realsense_recording_whose_motion_takes_too_long_to_read_says_so(tmp_path, monkeypatch):
+    pytest.importorskip("pyrealsense2")
+    from reliability.record_realsense import record_motion
+
+    monkeypatch.setattr("edgemap.runtime.inputs.cameras.realsense_frames.PLAYBACK_LIMIT_S", 0.0)
+    with open_camera(f"realsense:{record_motion(tmp_path / 'motion.db3')}") as camera:
+        (told,) = camera.info.faults
+    assert "motion.db3: its motion is not read whole within 0 s" in told.text
