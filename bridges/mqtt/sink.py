@@ -31,6 +31,7 @@ from edgemap.runtime.step.slam import StepResult
 from edgemap.runtime.step.wall_clock import utc_text
 
 QUEUED = 1000  # messages kept for a broker that does not take them
+REMEMBERED = ("objects", "zones")  # retained topics that an earlier run may have left
 PACKET_BYTES = 1 << 18  # of one packet from the broker: more than any object's
 NO_IDENTITY = MapIdentity("map")
 
@@ -78,6 +79,7 @@ class MqttPublisher:
         self._new_connection = False
         self._objects = threading.Lock()  # of `_published` and the retained objects, which say the same
         self._client = BoundedClient(CallbackAPIVersion.VERSION2, client_id=f"edgemap-{topic_level(run.robot)}")
+        self._cleaned = self._cleaning = False  # of objects of an earlier run
         self._client.suppress_exceptions = True  # a message that a callback cannot read does not end the thread
         self._client.max_queued_messages_set(QUEUED)
         self._client.max_inflight_messages_set(QUEUED)
@@ -157,11 +159,13 @@ class MqttPublisher:
         for topic, payload in discovery(self._run.robot, self.root).items():
             self._client.publish(topic, payload, qos=1, retain=True)
         self._publish("status", "online", retain=True)
-        kept = (f"{self.root}/{kind}/+" for kind in ("objects", "zones"))  # which an earlier run may have left
-        self._client.subscribe([(topic, 1) for topic in (f"{self.root}/command", *kept)])
+        self._client.subscribe(f"{self.root}/command", qos=1)
         self._in_zones.clear()
         for item in self._published.values():
             self._publish_object(item)
+        if not self._cleaned:
+            self._client.subscribe([(f"{self.root}/{kind}/+", 1) for kind in REMEMBERED])
+            self._cleaned = self._cleaning = True
         self._state_timer.done()
 
     def _event(self, kind: str, item: MapObject, **more: Any) -> None:
@@ -185,6 +189,9 @@ class MqttPublisher:
             self._publish(f"objects/{topic_level(item.id)}", json.dumps(record), retain=True)
 
     def _publish_state(self, result: StepResult, objects: list[MapObject]) -> None:
+        if self._cleaning and self._state:
+            self._client.unsubscribe([f"{self.root}/{kind}/+" for kind in REMEMBERED])
+            self._cleaning = False
         pose = result.pose_map_base
         self._state = {
             "stamp_s": round(result.frame.stamp_s, 3),

@@ -250,7 +250,7 @@ def _is_free(floor: OccupancyGrid | None, item: MapObject) -> bool:
         return False
     turns, r_m = np.linspace(0.0, math.tau, 8, endpoint=False), 0.7 * radius_m(item)
     points_m = item.position_m + np.vstack([np.zeros(2), r_m * np.column_stack([np.cos(turns), np.sin(turns)])])
-    return float(np.mean(floor.at(points_m) == FREE)) >= 0.8  # a cell at its rim may be another thing's
+    return float(np.mean(floor.at(points_m) == FREE)) >= 0.8  # a cell at its rim may be another object's
 
 
 def _is_in_place(saved: MapObject, item: MapObject) -> bool:

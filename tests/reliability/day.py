@@ -107,7 +107,7 @@ class RoundTrip:
     def f1(self, objects: list[MapObject]) -> float:
         """Of a map, in the frame of the first pose: one to one by class within 0.5 m, all seen within a lap."""
         places = pose_at(0.0).inverse().apply([(x_m, y_m) for _, x_m, y_m in self._room]).tolist()
-        truth = [TrueObject(thing[0], x, y, True, 10) for thing, (x, y) in zip(self._room, places, strict=True)]
+        truth = [TrueObject(piece[0], x, y, True, 10) for piece, (x, y) in zip(self._room, places, strict=True)]
         return float(score_map(objects, truth)["f1"] or 0.0)
 
     def step(self) -> FrameObservations:

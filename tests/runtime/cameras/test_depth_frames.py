@@ -180,5 +180,5 @@ def test_a_realsense_recording_whose_motion_takes_too_long_to_read_says_so(tmp_p
 
     monkeypatch.setattr("edgemap.runtime.inputs.cameras.realsense_frames.PLAYBACK_LIMIT_S", 0.0)
     with open_camera(f"realsense:{record_motion(tmp_path / 'motion.db3')}") as camera:
-        (told,) = camera.info.faults
-    assert "motion.db3: its motion is not read whole within 0 s" in told.text
+        (fault,) = camera.info.faults
+    assert "motion.db3: its motion is not read whole within 0 s" in fault.text
