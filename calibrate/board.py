@@ -16,7 +16,6 @@ from edgemap.runtime.frames.frame import Frame
 
 NEW_SHARE = 0.02  # of the picture's width: a board none of whose corners moved more is the same view again
 PICTURES = 40  # of a source, from which on more add nothing: views of a board, and pictures for a guess
-FEWEST = 3  # views, pictures or windows: below, their scatter says nothing
 
 
 @dataclass(frozen=True, slots=True)

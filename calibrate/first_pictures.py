@@ -11,12 +11,12 @@ import cv2
 from edgemap.calibrate.board import PICTURES, frames_of
 from edgemap.calibrate.floor_depth import fit_floor_depth, gravity
 from edgemap.calibrate.guess import guess_camera, quarter_turns
-from edgemap.calibrate.guess_focal import FEWEST_ROOMS
 from edgemap.calibrate.stated_focal import stated_focal_px
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.robust import FEWEST
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.frames.frame import Frame
@@ -105,7 +105,7 @@ def guessing_frames(source: Camera, again: Callable[[], Camera]) -> list[Frame]:
         every = max(1, every * len(frames) // PICTURES)
         frames = list(sampled(every))
     views = list(views_of(frames))
-    if FEWEST_ROOMS <= len(views) < len(frames):  # as many again from what is not at rest
+    if FEWEST <= len(views) < len(frames):  # as many again from what is not at rest
         return list(views_of(sampled(max(1, every * len(views) // len(frames)))))[: 2 * PICTURES]
     return frames
 

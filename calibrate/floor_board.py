@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from edgemap.calibrate.board import FEWEST, Board, BoardView
+from edgemap.calibrate.board import Board, BoardView
 from edgemap.calibrate.floor_depth import WORST_HEIGHT_SHARE, WORST_TILT_RAD
 from edgemap.calibrate.lens import WORST_RMS_PX
 from edgemap.geometry.arrays import Array
@@ -17,6 +17,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.level import pitch_roll
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
+from edgemap.geometry.robust import FEWEST
 from edgemap.runtime.frames.errors import CalibrationError
 
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.calibrate.board import FEWEST
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M, SparseDepth
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor
@@ -17,7 +16,7 @@ from edgemap.geometry.camera.inertial import GRAVITY_M_S2
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.level import pitch_roll
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.robust import median_and_scatter
+from edgemap.geometry.robust import FEWEST, median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from edgemap.calibrate.floor_depth import MAXIMUM_SCATTER_RAD
 from edgemap.calibrate.guess_focal import (
-    FEWEST_ROOMS,
     focal_by_edges,
     plain_lens,
     ups_by_edges,
@@ -29,7 +28,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.level import pitch_roll
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.robust import median_and_scatter
+from edgemap.geometry.robust import FEWEST, median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 from edgemap.runtime.motion.attitude.segments import line_ends
@@ -127,7 +126,7 @@ class _EdgesTilt:
 def _tilt_by_edges(ends: list[Array], lens: Intrinsics, focal_sigma: float) -> _EdgesTilt | None:
     """The tilt by the edges of all pictures; None where too few show a room."""
     angles = np.array([pitch_roll(up) for up in ups_by_edges(ends, lens)])
-    if len(angles) < FEWEST_ROOMS:
+    if len(angles) < FEWEST:
         return None
     (pitch, roll), (scatter, roll_scatter) = (pair.tolist() for pair in median_and_scatter(angles))
     # With a wrong focal length the horizon's row gives another pitch.

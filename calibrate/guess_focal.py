@@ -7,6 +7,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.room_edges import SIGMA_RAD, RoomAxes, level_axes, room_axes
+from edgemap.geometry.robust import FEWEST
 from edgemap.runtime.motion.attitude.segments import Segments, longest, segments_between
 
 # Of the picture's longer side: webcams, phones that film and the colour cameras of depth cameras have 0.65 to 1.
@@ -19,7 +20,6 @@ BENDS = (0.0, -0.04, -0.08, -0.12)
 # the room.
 PEAK_SIGMA, PEAK_SHARE, EDGES_SIGMA, SHOWN_SHARE = 0.05, 0.6, 0.02, 0.5
 EDGE_LIMIT, STEEPEST_RAD = 6.0, math.radians(40.0)
-FEWEST_ROOMS = 4  # pictures whose edges show the room
 
 
 def plain_lens(width: int, height: int, share: float, bend: float = 0.0) -> Intrinsics:
@@ -40,7 +40,7 @@ def focal_by_edges(ends: list[Array], width: int, height: int) -> tuple[float, f
         agreed.append(float(np.mean(peaks[:, 1])) if len(peaks) else 0.0)
     bend = _vertex(np.array(BENDS), np.array(agreed), int(np.argmax(agreed)))[0]
     peaks = _peaks(ends, width, height, bend)
-    if len(peaks) < FEWEST_ROOMS:
+    if len(peaks) < FEWEST:
         return usual
     # A picture's focal length with the greatest agreement is near the right one, or anywhere.
     logs = np.linspace(math.log(FOCALS[0]), math.log(FOCALS[-1]), 500)

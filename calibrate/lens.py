@@ -9,13 +9,14 @@ import numpy as np
 from edgemap.calibrate.board import Board, BoardView
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.robust import FEWEST
 from edgemap.runtime.frames.errors import CalibrationError
 
 FEWEST_VIEWS = 8
 WORST_RMS_PX = 1.0
 MINIMUM_COVERAGE = 0.5  # of the picture's width and of its height, by all corners together
 WORST_FOCAL_SHARE = 0.01  # one standard deviation
-LEANING_DEG, FEWEST_LEANING = 12.0, 4  # boards all square to the lens fit any focal length, each at its own distance
+LEANING_DEG = 12.0  # boards all square to the lens fit any focal length, each at its own distance
 OUTLIER = 3.0  # times the median view's error
 
 
@@ -63,9 +64,9 @@ def fit_lens(views: list[BoardView], board: Board, size: tuple[int, int]) -> Len
             "is not flat, or a lens that is not Brown-Conrady's"
         )
     leaning = int((fit.lean_deg >= LEANING_DEG).sum())
-    if leaning < FEWEST_LEANING:
+    if leaning < FEWEST:
         raise CalibrationError(
-            f"{leaning} of {len(views)} boards lean by {LEANING_DEG:g} degrees or more, need {FEWEST_LEANING}: without "
+            f"{leaning} of {len(views)} boards lean by {LEANING_DEG:g} degrees or more, need {FEWEST}: without "
             "them the focal length is open; lean the board by 30 degrees to all sides"
         )
     share = max(fit.sigma_px[0] / fit.intrinsics.fx, fit.sigma_px[1] / fit.intrinsics.fy)

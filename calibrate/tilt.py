@@ -6,18 +6,23 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.calibrate.board import FEWEST
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.inertial import small_rotation
 from edgemap.geometry.camera.level import pitch_roll
-from edgemap.geometry.camera.room_edges import NEAR_RAD, level_axes, most_upright, room_axes, room_heading
+from edgemap.geometry.camera.room_edges import (
+    MINIMUM_SHARE,
+    NEAR_RAD,
+    level_axes,
+    most_upright,
+    room_axes,
+    room_heading,
+)
+from edgemap.geometry.robust import ANNEALING, FEWEST
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.motion.attitude.segments import Segments
 
 STEEPEST_RAD, REACH_RAD = math.radians(50.0), math.radians(12.0)  # search for up: first, then refined
-ROUNDS = 4  # of refinement
 FEWEST_EDGES = 20  # vertical, and level
-MINIMUM_SHARE = 0.35  # minimum share of the edges' total length that the three directions explain
 WORST_TILT_RAD = math.radians(1.0)  # one standard deviation, and of single pictures in the median
 
 
@@ -62,11 +67,11 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
     lengths = np.concatenate([edges.lengths for edges in used])
     normals = np.concatenate([edges.normals for edges in used])
     up = most_upright(normals, lengths, np.array([0.0, -1.0, 0.0]), STEEPEST_RAD)
-    for _ in range(ROUNDS):  # only with edges that are almost vertical
+    for _ in ANNEALING:  # only with edges that are almost vertical
         upright = (normals * lengths[:, None])[near := np.abs(normals @ up) < math.sin(NEAR_RAD)]
         axis = np.linalg.eigh(upright.T @ normals[near])[1][:, 0]
         up = axis * np.sign(axis @ up)
-    up = _refined(used, up, ROUNDS)
+    up = _refined(used, up, len(ANNEALING))
     right, away = level_axes(up)
     misses = np.abs(np.arcsin(np.clip(_aligned(used, up) @ np.stack([up, right, away]).T, -1.0, 1.0)))
     kind, miss = misses.argmin(axis=1), misses.min(axis=1)

@@ -4,12 +4,11 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from edgemap.calibrate.board import FEWEST
 from edgemap.calibrate.guess_sizes import USUAL_HEIGHT_M
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.robust import median_and_scatter
+from edgemap.geometry.robust import FEWEST, median_and_scatter
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CalibrationError, OdometryError
 from edgemap.runtime.frames.frame import Frame

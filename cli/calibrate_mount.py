@@ -37,7 +37,7 @@ def command(
 
     Without a pattern: from the floor in depth pictures where the source has them. Else pitch and roll from the room's
     edges, or from gravity where no edges are, and the height from wheel odometry that comes with the source, or as
-    given. With --square: from a chessboard that lies on the floor, in 3 or more places. The lens must be known. The
+    given. With --square: from a chessboard that lies on the floor, in 4 or more places. The lens must be known. The
     lever arm (forward_m, left_m) stays as the camera file has it: measure it with a ruler from the turn axis.
     """
     calibration.check()

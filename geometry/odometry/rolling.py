@@ -11,7 +11,6 @@ from edgemap.geometry.se2 import SE2
 
 ROLLED_M = 1e-3  # least standard deviation of lateral slip
 MEASURED_M = 0.005  # standard deviation of a lateral motion measured in a turn, in addition to its stated one
-UNKNOWN_M = 0.3  # standard deviation of an axle before any measurement
 FOLLOWED_M = 0.005  # least standard deviation of an estimated axle, so that updates continue
 
 
@@ -21,12 +20,12 @@ class Rolling:
 
     share: standard deviation of lateral slip, per metre and radian of motion. axle_m: distance of the wheels' axle
     behind the base's origin, 0 where the mount's lever arm is right; axle_sigma_m: its standard deviation, 0 for a
-    fixed axle, by default that of an unmeasured one.
+    fixed axle.
     """
 
     share: float
-    axle_m: float = 0.0
-    axle_sigma_m: float = UNKNOWN_M
+    axle_m: float
+    axle_sigma_m: float
 
     def lateral_m(self, moved: SE2) -> float:
         """The part of a motion across its chord that the axle does not explain."""

@@ -11,14 +11,13 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import RoomHeading
-from edgemap.geometry.robust import CLEAR_SIGMAS
+from edgemap.geometry.robust import ANNEALING, CLEAR_SIGMAS
 
 Prior = tuple[Array, Array]  # of two values, as an information matrix (2, 2), rad^-2, and its product with them
 
 RIGHT_ANGLE = math.pi / 2.0
 # Of drift since the last view; with more, one right angle cannot be distinguished from the next.
 AMBIGUOUS_RAD = RIGHT_ANGLE / 4.0
-ROUNDS = 6  # of reweighting
 CERTAIN_RAD2 = 1e-9  # variance of an exact prior
 WINGS = 4  # kept in addition to the first direction
 VIEWS = 40  # that are kept, and latest steps that a view can refer to: a bound on time and memory
@@ -165,7 +164,7 @@ class RoomCompass:
         fixed[np.ix_(ends, ends)] += self.prior[0]
         fixed_rhs[ends] += self.prior[1]
         weight, solution, normal = 1.0 / variance, fixed_rhs, fixed
-        for _ in range(ROUNDS):
+        for _ in ANNEALING:
             normal, rhs = fixed.copy(), fixed_rhs.copy()
             normal[place, place] += weight
             normal[place, count] += weight

@@ -18,7 +18,7 @@ WORKING_WIDTH = 160  # px; pictures are averaged down to about this width, which
 FINE_PX, COARSE_PX = 5, 15  # boxes at the working width; structure between them, and below the first
 PERCENTILE = 0.99  # of the absolute structure
 REPEATED_S = SELDOM_S  # of stream, between two faults that report one lasting condition
-DECODER_GREY = 128  # what decoders leave where data is missing
+MIDDLE_GREY = 128  # decoders leave it where data is missing
 TILES = 16, 12  # across and down, of a picture that may be covered in part; a torn one lacks a row of them
 BLACK = 16  # grey level of black in video (ITU-R BT.601)
 VIEW_PX = 40, 30  # size at which views are compared
@@ -185,8 +185,8 @@ def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule)
 def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8], rule: HealthRule) -> tuple[FaultKind | None, str]:
     """Kind and detail where rows at one end are repeated or missing."""
     rows = len(grid)
-    if (grid[-1] == DECODER_GREY).all():
-        missing = _run((grid == DECODER_GREY).all(axis=1)[::-1])
+    if (grid[-1] == MIDDLE_GREY).all():
+        missing = _run((grid == MIDDLE_GREY).all(axis=1)[::-1])
         if missing > rows / TILES[1]:
             return FaultKind.TORN, f"{missing} of {rows} rows are missing"
     if (grid[0] == last[0]).all() or (grid[-1] == last[-1]).all():

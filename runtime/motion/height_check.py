@@ -11,13 +11,12 @@ from edgemap.geometry.camera.floor import FloorCamera, FloorNoise
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.lens_height import HeightBySizes, HeightMeasurement, agreed_height
-from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
+from edgemap.geometry.robust import CLEAR_SIGMAS, FEWEST, median_and_scatter
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.odometry.protocol import Motion
 
-FEWEST = 3  # measurements of one kind: the median deviation of fewer is no measure
 KEPT = 100  # of each kind, a bound on memory
 DEPTH_SIGMA = 0.02  # of a depth camera's scale, by its datasheet (RealSense D435: 2 % at 2 m)
 

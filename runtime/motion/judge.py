@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
+from edgemap.geometry.robust import CLEAR_SIGMAS, FEWEST, median_and_scatter
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.timing import StreamTimer
 
 LEAST = 0.12, 0.2  # yaw in rad and length in m of a motion that is compared
-FEWEST = 4  # blocks with a clear motion
 CLEARER = 0.8  # of what a delay leaves unexplained against none (0.1 s: 0.1 to 0.7)
 OFTEN = 0.1  # share of steps of over a radian, from which on yaw is in degrees: wraps at pi are rare
 LAGS_S = np.arange(-1.2, 1.21, 0.05)  # delays that are tried

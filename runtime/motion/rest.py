@@ -14,14 +14,13 @@ from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.attitude.source import Moved
-from edgemap.runtime.motion.health import REPEATED_S, HealthRule, PictureHealth
+from edgemap.runtime.motion.health import MIDDLE_GREY, REPEATED_S, HealthRule, PictureHealth
 from edgemap.runtime.motion.odometry.protocol import STILL
 
 Array = NDArray[np.float32]
 
 SIZE = 64, 48  # px that pictures are averaged down to
 SMALL_PX, LARGE_PX = 8, 16  # tiles of it, for what changes and for what shifts
-MIDDLE_GREY = 128.0
 VARIANCE = 100.0  # squared grey levels; a picture of less is too plain to estimate a gain
 
 

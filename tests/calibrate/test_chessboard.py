@@ -135,13 +135,13 @@ def test_a_board_on_a_box_is_refused_and_named(lying):
 def test_a_wrong_lens_and_too_few_or_too_small_boards_are_refused(lying):
     with pytest.raises(CalibrationError, match="wrong intrinsics"):
         fit_mount(lying, TILE, Intrinsics(640, 480, 700.0, 700.0, 319.5, 239.5))
-    with pytest.raises(CalibrationError, match=r"^2 different views of the complete board found, need 3"):
+    with pytest.raises(CalibrationError, match=r"^2 different views of the complete board found, need 4"):
         fit_mount(lying[:2], TILE, LENS)
     random = np.random.default_rng(0)
     camera = FloorCamera(LENS, MOUNT)
     tiny = Board(3, 3, 0.005)
     flat = (tiny.points_m() - 0.005) * [1, -1]
-    far = [BoardView(f"{i}", camera.project(flat + [1.6, 0.05 * i]) + random.normal(0, 0.3, (9, 2))) for i in range(3)]
+    far = [BoardView(f"{i}", camera.project(flat + [1.6, 0.05 * i]) + random.normal(0, 0.3, (9, 2))) for i in range(4)]
     with pytest.raises(CalibrationError, match=r"mount known to \d+\.\d cm and \d+\.\d\d deg only|horizon|impossible"):
         fit_mount(far, tiny, LENS)
 

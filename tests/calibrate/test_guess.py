@@ -178,7 +178,7 @@ def test_edges_that_do_not_agree_and_bare_pictures_are_refused():
         fit_tilt([random_segments(random, 60) for _ in range(8)])
     lens = Intrinsics(640, 480, 480.0, 482.0, 318.0, 241.0)
     grey = np.full((480, 640, 3), 128, np.uint8)
-    with pytest.raises(CalibrationError, match=r"^0 pictures with straight edges, need 3"):
+    with pytest.raises(CalibrationError, match=r"^0 pictures with straight edges, need 4"):
         fit_tilt([find_segments(grey, lens)] * 5)
 
 

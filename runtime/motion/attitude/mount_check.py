@@ -14,7 +14,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import angles_text, pitch_roll
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTilt, MountTiltRule
-from edgemap.geometry.robust import CLEAR_SIGMAS, median_and_scatter
+from edgemap.geometry.robust import CLEAR_SIGMAS, FEWEST, median_and_scatter
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.limits import EVERY_S
@@ -25,7 +25,6 @@ from edgemap.runtime.motion.health import HealthRule, Views
 # Pictures are scaled down to so many (192 x 144; at twice the size edges are no more precise) and cut into so many
 # strips: long level edges must not outweigh upright ones (go2_office over 1 m: whole pictures 6.9, strips 5.2 %).
 PIXELS, STRIPS = 27_648, 3
-FEWEST = 4  # estimates; the median deviation of fewer is no measure
 EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictures"
 
 
