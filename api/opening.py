@@ -33,7 +33,6 @@ from edgemap.runtime.inputs.cameras.kinds import recorded_from
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.camera_guess import CameraGuess
-from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.open_bundle import open_bundle
 from edgemap.runtime.network.store import bundle_folder, default_bundle
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -116,10 +115,13 @@ def open_session(
         raise CameraError(f"mount: a lens {stated_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m")
     if pose is not None and height_m is not None:
         pose = replace(pose, height_m=height_m)
+    if start is not None and not isinstance(start, str):  # as `run --start` has it
+        begin = start if isinstance(start, SE2) else SE2(*start)
+        start = f"{begin.x_m},{begin.y_m},{degrees(begin.yaw_rad)}"
     tuned = config if isinstance(config, Config) else load_config(Path(config)) if config else Config()
     spec = RunSpec(
         odometry, wheels, imu, clustering, loop_closure, classes=classes, confidence=confidence, pose_frame=pose_frame,
-        map=map, start=_start_text(start), config=tuned,
+        map=map, start=start, config=tuned,
     )  # fmt: skip
     name = str(camera) if isinstance(camera, str | int | Path) else None
     if camera is None and frames is None and intrinsics is None:
@@ -127,7 +129,10 @@ def open_session(
     counts = RunCounts({"odometry": odometry})
 
     def build(source: Camera) -> SemanticSlam:
-        loaded = _load(source, name or source.info.name, bundle, names)
+        usual = default_bundle(recorded_from(name or source.info.name))[0]
+        pace = "camera" if source.info.live else "files"
+        known = read_class_names(Path(names), BundleError) if isinstance(names, str | Path) else names
+        loaded = open_bundle(bundle_folder(str(bundle or usual)), usual, pace=pace, names=known)
         lens, sits = source.info.intrinsics, source.info.mount
         if (lens is None or sits is None) and (name is not None or source.info.live):
             again, guess = name or "", None
@@ -173,21 +178,6 @@ def open_session(
     except BaseException:
         source.close()
         raise
-
-
-def _load(source: Camera, spec: str, bundle: str | Path | None, names: str | Path | Sequence[str] | None) -> Bundle:
-    """The bundle of that name, or the default one of the source. Raises BundleError."""
-    usual, pace = default_bundle(recorded_from(spec))[0], "camera" if source.info.live else "files"
-    known = read_class_names(Path(names), BundleError) if isinstance(names, str | Path) else names
-    return open_bundle(bundle_folder(str(bundle or usual)), usual, pace=pace, names=known)
-
-
-def _start_text(start: str | SE2 | tuple[float, float, float] | None) -> str | None:
-    """A start as `run --start` has it."""
-    if start is None or isinstance(start, str):
-        return start
-    pose = start if isinstance(start, SE2) else SE2(*start)
-    return f"{pose.x_m},{pose.y_m},{degrees(pose.yaw_rad)}"
 
 
 def _floor_of(source: Camera) -> FloorCamera:

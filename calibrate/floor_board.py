@@ -56,9 +56,9 @@ def fit_mount(views: list[BoardView], board: Board, lens: Intrinsics, thickness_
             "places of the floor (is --board its number of INNER corners?)"
         )
     starts = [_pose_of(view, board, lens) for view in views]
-    ups = np.array([up for up, _, _ in starts])
+    ups = np.array([up for up, _ in starts])
     pitch_rad, roll_rad = pitch_roll(np.median(ups, axis=0))
-    height_m = float(np.median([height for _, height, _ in starts]))
+    height_m = float(np.median([height for _, height in starts]))
     places = [_place(view, board, lens, height_m, pitch_rad, roll_rad) for view in views]
     start = np.concatenate([[height_m, pitch_rad, roll_rad], *places])
     observed = np.array([view.corners_px for view in views])
@@ -103,18 +103,17 @@ def _project(values: Array, board: Board, lens: Intrinsics) -> Array:
     return camera.project(np.concatenate(points)).reshape(-1, len(flat), 2)
 
 
-def _pose_of(view: BoardView, board: Board, lens: Intrinsics) -> tuple[Array, float, Array]:
-    """Up, (3,) in the optical frame, the lens's height over the board, m, and the board's centre, from one view."""
+def _pose_of(view: BoardView, board: Board, lens: Intrinsics) -> tuple[Array, float]:
+    """Up, (3,) in the optical frame, and the lens's height over the board, m, from one view."""
     rays = np.ascontiguousarray(lens.rays(view.corners_px)[:, :2])  # so every lens model of ours will do
     flat = np.column_stack([board.points_m() - board.points_m().mean(axis=0), np.zeros(len(rays))])
     good, rotation_vector, place = cv2.solvePnP(flat, rays, np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_IPPE)
     if not good:
         raise CalibrationError(f"{view.name}: no pose fits the board's corners")
     rotation, _ = cv2.Rodrigues(rotation_vector)
-    centre = np.asarray(place, dtype=np.float64).ravel()
     normal = np.asarray(rotation, dtype=np.float64)[:, 2]
-    height_m = -float(normal @ centre)
-    return (normal, height_m, centre) if height_m > 0 else (-normal, -height_m, centre)
+    height_m = -float(normal @ np.ravel(place))
+    return (normal, height_m) if height_m > 0 else (-normal, -height_m)
 
 
 def _place(

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -76,16 +75,17 @@ def guess_camera(
     if mount is not None:
         return CameraGuess(lens, mount, focal_sigma, 0.0, 0.0, (focal_how, "as given", "as given"))
     edges = _tilt_by_edges(ends, lens, focal_sigma)
-    roll, sway_rad = (edges.roll_rad, edges.sway_rad) if edges else (0.0, 0.0)
-    if edges and not sway_rad:
-        pitch, pitch_sigma, pitch_how = edges.pitch_rad, edges.sigma_rad, edges.how
-    else:
-        pitch, pitch_sigma, count = pitch_by_sizes(boxes, lens, (CARRIED_HEIGHT_M, CARRIED_SIGMA) if sway_rad else None)
-        pitch_how = f"{count} objects of usual sizes" if count else "usual for a robot"
-    if edges and sway_rad:  # a person who walks looks up and down: edges show the level pictures
-        weights = np.array([pitch_sigma, math.hypot(edges.sigma_rad, sway_rad)]) ** -2
-        pitch = float(weights @ [pitch, edges.pitch_rad] / weights.sum())
-        pitch_sigma, pitch_how = math.hypot(weights.sum() ** -0.5, sway_rad), f"{edges.how}, {pitch_how}"
+    pitch, roll, pitch_sigma, sway_rad, pitch_how = edges or (0.0, 0.0, math.inf, 0.0, "")
+    if edges is None or sway_rad:
+        carried = (CARRIED_HEIGHT_M, CARRIED_SIGMA) if sway_rad else None
+        by_sizes, sizes_sigma, count = pitch_by_sizes(boxes, lens, carried)
+        sizes_how = f"{count} objects of usual sizes" if count else "usual for a robot"
+        if sway_rad:  # a person who walks looks up and down: edges show the level pictures
+            weights = np.array([sizes_sigma, math.hypot(pitch_sigma, sway_rad)]) ** -2
+            pitch = float(weights @ [by_sizes, pitch] / weights.sum())
+            pitch_sigma, pitch_how = math.hypot(weights.sum() ** -0.5, sway_rad), f"{pitch_how}, {sizes_how}"
+        else:
+            pitch, pitch_sigma, pitch_how = by_sizes, sizes_sigma, sizes_how
     tilted = Mount(1.0, pitch, roll)
     horizon_row = FloorCamera(lens, tilted).horizon_row()  # in the middle column
     floor_share = float(np.clip((lens.height - horizon_row) / lens.height, 0.0, 1.0))
@@ -112,19 +112,11 @@ def guess_camera(
     return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, height_sigma, pitch_sigma, how, sway_rad)
 
 
-@dataclass(frozen=True, slots=True)
-class _EdgesTilt:
-    """Median pitch and roll, standard deviation of the pitch, and that of single pictures where the camera sways."""
-
-    pitch_rad: float
-    roll_rad: float
-    sigma_rad: float
-    sway_rad: float
-    how: str
-
-
-def _tilt_by_edges(ends: list[Array], lens: Intrinsics, focal_sigma: float) -> _EdgesTilt | None:
-    """The tilt by the edges of all pictures; None where too few show a room."""
+def _tilt_by_edges(
+    ends: list[Array], lens: Intrinsics, focal_sigma: float
+) -> tuple[float, float, float, float, str] | None:
+    """The tilt by the edges of all pictures: median pitch and roll, standard deviation of the pitch, that of single
+    pictures where the camera sways, all in rad, and the method in words; None where too few show a room."""
     angles = np.array([pitch_roll(up) for up in ups_by_edges(ends, lens)])
     if len(angles) < FEWEST:
         return None
@@ -132,7 +124,7 @@ def _tilt_by_edges(ends: list[Array], lens: Intrinsics, focal_sigma: float) -> _
     # With a wrong focal length the horizon's row gives another pitch.
     sigma = math.hypot(abs(pitch) * focal_sigma, SURE_RAD)
     sways = scatter if roll_scatter > MAXIMUM_SCATTER_RAD else 0.0
-    return _EdgesTilt(pitch, roll, sigma, sways, f"the edges of {len(angles)} pictures")
+    return pitch, roll, sigma, sways, f"the edges of {len(angles)} pictures"
 
 
 def quarter_turns(pictures: Sequence[Picture], detect: Detector) -> int:

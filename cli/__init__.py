@@ -1,12 +1,17 @@
 """The command line: selects the command, parses its arguments, and imports its modules only then."""
 
 import os
+import signal
 import sys
-from collections.abc import Callable
 from importlib import import_module
+from threading import current_thread, main_thread
 from typing import NoReturn
 
 from edgemap.cli.streams import prepare_streams
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.errors import PluginError, UsageError
+from edgemap.runtime.frames.reading import print_message
+from edgemap.runtime.frames.version import VERSION
 
 # Command words to (module, one line). Each module has a function `command` whose signature is its arguments.
 COMMANDS: dict[str, tuple[str, str]] = {
@@ -60,7 +65,6 @@ def overview() -> str:
 
 def plugin_commands() -> dict[str, str]:
     """Commands of other packages (entry points `edgemap.commands`), each with its package; nothing is imported."""
-    from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.frames.plugins import package_of, plugins
 
     taken = {*COMMANDS, *BRIDGES}
@@ -73,40 +77,58 @@ def plugin_commands() -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point. Exit code 0; 2 for wrong usage; 1 for an EdgemapError (one line); 3 where the camera is lost; 4 for
-    the disk.
+    the disk; 130 for Ctrl-C, also where a library turns that into an error of its own.
     """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    name, interrupted = "edgemap", list[int]()
+
+    def interrupt(number: int, frame: object) -> None:  # noqa: ARG001
+        interrupted.append(number)
+        raise KeyboardInterrupt
+
+    if ours := current_thread() is main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
     try:
-        _main(sys.argv[1:] if arguments is None else arguments)
-    except MemoryError:
-        _end("edgemap: not enough memory", 1)
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would wait in circles
+        prepare_streams(" ".join(arguments[:2]))
+        if not arguments or arguments[0] in ("-h", "--help"):
+            print(overview())
+            sys.exit(0 if arguments else 2)
+        if arguments[0] == "--version":
+            print(f"edgemap {VERSION}")
+            return
+        words = _words_of(arguments)
+        name = f"edgemap {words}"
+        _command(words, arguments[len(words.split()) :])
+    except EdgemapError as error:
+        _end(f"{name}: {error}", error.exit_code)
+    except UnicodeEncodeError as error:  # half a character in a name, where a library wants a text
+        _end(f"{name}: {error.object!r} is not UTF-8", 1)
     except BrokenPipeError:  # `edgemap ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
-    except OSError as error:  # a full disk behind standard output
-        _end(f"edgemap: {error.strerror or error}", 1)
+    except OSError as error:  # a path that the system refuses: too long, not allowed; a full disk behind the output
+        where = f"{error.filename}: " if error.filename else ""
+        _end(f"{name}: {where}{error.strerror or error}", 1)
+    except MemoryError:
+        _end("edgemap: not enough memory", 1)
+    except (Exception, KeyboardInterrupt) as error:
+        if not interrupted and not isinstance(error, KeyboardInterrupt):
+            raise
+        _end(f"{name}: interrupted", 130)
+    finally:
+        if ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _main(arguments: list[str]) -> None:
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would wait in circles
-    prepare_streams(" ".join(arguments[:2]))
-    if not arguments or arguments[0] in ("-h", "--help"):
-        print(overview())
-        sys.exit(0 if arguments else 2)
-    if arguments[0] == "--version":
-        from edgemap import __version__
-
-        print(f"edgemap {__version__}")
-        return
-    words = next((words for words in (" ".join(arguments[:2]), arguments[0]) if words in COMMANDS), None)
-    if words is None and (arguments[0] in BRIDGES or arguments[0] in plugin_commands()):
-        words = arguments[0]
-    if words is None:
-        _no_command(arguments)
-    _run(words, arguments[len(words.split()) :])
-
-
-def _no_command(arguments: list[str]) -> NoReturn:
-    """Help for a group's name alone (`edgemap map`); for anything else one line with what may be meant."""
+def _words_of(arguments: list[str]) -> str:
+    """The words of the command. Ends with help for a group's name alone (`edgemap map`). Raises UsageError for anything
+    else, with what may be meant."""
+    for words in (" ".join(arguments[:2]), arguments[0]):
+        if words in COMMANDS:
+            return words
+    if arguments[0] in BRIDGES or arguments[0] in plugin_commands():
+        return arguments[0]
     group = {words: text for words, (_, text) in COMMANDS.items() if words.startswith(arguments[0] + " ")}
     if group and (len(arguments) == 1 or arguments[1] in ("-h", "--help")):
         lines = [f"usage: edgemap {arguments[0]} COMMAND [OPTIONS]", ""]
@@ -118,71 +140,29 @@ def _no_command(arguments: list[str]) -> NoReturn:
     known = [*COMMANDS, *BRIDGES, *({words.split()[0] for words in COMMANDS} - set(COMMANDS))]
     close = get_close_matches(typed, list(group) or known, 1, 0.6)
     hint = f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(sorted(group or COMMANDS))}"
-    _end(f"edgemap: {typed!r} is not a command; {hint} (edgemap --help)", 2)
-
-
-def _run(words: str, rest: list[str]) -> None:
-    """Runs a command. Ctrl-C ends it in one line, also where a library turns that into an error of its own."""
-    import signal
-    from threading import current_thread, main_thread
-
-    interrupted: list[int] = []
-
-    def interrupt(number: int, frame: object) -> None:  # noqa: ARG001
-        interrupted.append(number)
-        raise KeyboardInterrupt
-
-    if current_thread() is main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, interrupt)
-    try:
-        _command(words, rest)
-    except (Exception, KeyboardInterrupt) as error:
-        if not interrupted and not isinstance(error, KeyboardInterrupt):
-            raise
-        print(f"edgemap {words}: interrupted", file=sys.stderr)
-        sys.exit(130)
-    finally:
-        if signal.getsignal(signal.SIGINT) is interrupt:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+    raise UsageError(f"{typed!r} is not a command; {hint} (edgemap --help)")
 
 
 def _command(words: str, rest: list[str]) -> None:
+    """Runs a command. Raises PluginError for one of another package that does not load."""
     from edgemap.cli.usage import parse_and_call
-    from edgemap.geometry.errors import EdgemapError
 
-    try:
-        command = _imported(words)
-        if words == "run" and any(word.partition("=")[0] in ("--config", "--config-options") for word in rest):
-            from edgemap.cli.config_options import config_arguments
-
-            rest = config_arguments(rest, command)
-        parse_and_call(command, words, rest)
-    except EdgemapError as error:
-        _end(f"edgemap {words}: {error}", error.exit_code)
-    except UnicodeEncodeError as error:  # half a character in a name, where a library wants a text
-        _end(f"edgemap {words}: {error.object!r} is not UTF-8", 1)
-    except BrokenPipeError:
-        raise
-    except OSError as error:  # a path that the system refuses: too long, not allowed
-        where = f"{error.filename}: " if error.filename else ""
-        _end(f"edgemap {words}: {where}{error.strerror or error}", 1)
-
-
-def _imported(words: str) -> Callable[..., None]:
-    """The function of a command. Raises PluginError for one of another package that does not load."""
     if words in COMMANDS:
-        return import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
-    from edgemap.runtime.frames.errors import PluginError
-    from edgemap.runtime.frames.plugins import load_plugin, plugins
+        command = import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
+    else:
+        from edgemap.runtime.frames.plugins import load_plugin, plugins
 
-    found = plugins(GROUP)
-    if words not in found:
-        raise PluginError("it is not registered: install edgemap again (in a checkout: pip install -e .)")
-    return load_plugin(found[words])
+        found = plugins(GROUP)
+        if words not in found:
+            raise PluginError("it is not registered: install edgemap again (in a checkout: pip install -e .)")
+        command = load_plugin(found[words])
+    if words == "run" and any(word.partition("=")[0] in ("--config", "--config-options") for word in rest):
+        from edgemap.cli.config_options import config_arguments
+
+        rest = config_arguments(rest, command)
+    parse_and_call(command, words, rest)
 
 
 def _end(message: str, exit_code: int) -> NoReturn:
-    from edgemap.runtime.frames.reading import print_message
-
     print_message(message)
     sys.exit(exit_code)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, print_board_fit, read_board
+from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, print_board_fit, print_mount, read_board
 from edgemap.cli.options import Topics, above_zero
 from edgemap.cli.signals import stop_on_signals
 from edgemap.runtime.frames.errors import CalibrationError, UsageError
@@ -60,7 +60,7 @@ def _by_board(
         fit = fit_mount(calibration.views(source, chessboard), chessboard, lens, thickness)
         prior = source.info.mount
     print_board_fit(fit.record())
-    _print_result(fit.mount, *fit.sigma)
+    print_mount(fit.mount, *fit.sigma)
     return lens, (_with_lever_arm(fit.mount, prior), fit.record())
 
 
@@ -84,7 +84,7 @@ def _by_room(
             f"{fit.pictures} of {fit.examined} depth pictures show a floor, {100 * fit.share:.0f} % of the points lie "
             f"on it, {1000 * fit.rms_m:.1f} mm off (root mean square)"
         )
-        _print_result(fit.mount, *fit.sigma)
+        print_mount(fit.mount, *fit.sigma)
         _compare_gravity(fit.mount, up)
         return lens, (_with_lever_arm(fit.mount, prior), fit.record())
     if height is None and not rolls:
@@ -126,7 +126,7 @@ def _by_edges(
         tilted, sigma_m = replace(tilted, height_m=rolled.height_m), rolled.sigma_m
         print(f"height by {rolled.windows} windows of wheel travel, {rolled.travelled_m:.1f} m in all")
         record |= {"height": "wheels and floor", "sigma_height_m": round(sigma_m, 5)}
-    _print_result(tilted, sigma_m, *sigma)
+    print_mount(tilted, sigma_m, *sigma)
     _compare_gravity(tilted, up)
     return tilted, record
 
@@ -137,13 +137,6 @@ def _with_lever_arm(mount: "Mount", prior: "Mount | None") -> "Mount":
         if prior is None
         else replace(mount, forward_m=prior.forward_m, left_m=prior.left_m, platform=prior.platform)
     )
-
-
-def _print_result(mount: "Mount", height_m: float, pitch_rad: float, roll_rad: float) -> None:
-    given = f"+- {height_m:.4f} m" if height_m else "m as given"
-    print(f"  height {mount.height_m:7.4f} {given}")
-    print(f"  pitch  {math.degrees(mount.pitch_rad):7.3f} +- {math.degrees(pitch_rad):.3f} deg (positive down)")
-    print(f"  roll   {math.degrees(mount.roll_rad):7.3f} +- {math.degrees(roll_rad):.3f} deg")
 
 
 def _compare_gravity(mount: "Mount", up: Any) -> None:

@@ -120,3 +120,11 @@ def print_board_fit(record: dict[str, Any]) -> None:
     """How well views of a board fit, by their entry of camera.yaml."""
     rms_px, worst_px = record["rms_px"], record["worst_view_px"]
     print(f"{record['views']} views, {rms_px:.3f} px off (root mean square), {worst_px:.3f} px in the worst")
+
+
+def print_mount(mount: "Mount", height_m: float, pitch_rad: float, roll_rad: float) -> None:
+    """The result, with standard deviations of height, 0 for one that was given, pitch and roll."""
+    given = f"+- {height_m:.4f} m" if height_m else "m as given"
+    print(f"  height {mount.height_m:7.4f} {given}")
+    print(f"  pitch  {math.degrees(mount.pitch_rad):7.3f} +- {math.degrees(pitch_rad):.3f} deg (positive down)")
+    print(f"  roll   {math.degrees(mount.roll_rad):7.3f} +- {math.degrees(roll_rad):.3f} deg")

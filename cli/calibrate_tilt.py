@@ -1,11 +1,10 @@
 """`edgemap calibrate tilt`: pitch and roll from the straight edges of a room, without any pattern."""
 
-import math
 from dataclasses import replace
 from typing import Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.calibrate_options import MountCalibrationOptions
+from edgemap.cli.calibrate_options import MountCalibrationOptions, print_mount
 from edgemap.cli.options import above_zero
 from edgemap.runtime.frames.errors import UsageError
 
@@ -32,7 +31,5 @@ def command(
         prior = source.info.mount or Mount(height or 1.0)
         fit = calibration.tilt(source, lens)
     mount = replace(prior, height_m=height or prior.height_m, pitch_rad=fit.pitch_rad, roll_rad=fit.roll_rad)
-    print(f"  pitch {math.degrees(fit.pitch_rad):7.3f} +- {math.degrees(fit.sigma[0]):.3f} deg (positive down)")
-    print(f"  roll  {math.degrees(fit.roll_rad):7.3f} +- {math.degrees(fit.sigma[1]):.3f} deg")
-    print(f"  height {mount.height_m:.3f} m as given")
+    print_mount(mount, 0.0, *fit.sigma)
     calibration.write(lens, mount, "tilt", fit.record())

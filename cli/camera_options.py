@@ -165,14 +165,3 @@ def known_lens(camera: "Camera", intrinsics: str | None) -> "Intrinsics":
     if intrinsics is None and lens.doubt:
         _warn(f"the lens of {camera.info.name}: {lens.doubt}")
     return lens
-
-
-def lens_and_mount(camera: "Camera", intrinsics: str | None, mount: str | None) -> "tuple[Intrinsics, Mount]":
-    """Intrinsics and mount of a run: flags override the camera file, which overrides the source. Raises UsageError."""
-    from edgemap.runtime.inputs.drives.drive import ridden
-
-    lens = known_lens(camera, intrinsics)
-    camera_mount = ridden(camera.info.name.partition(":")[0], read_mount(mount, camera.info.mount))
-    if camera_mount is None:
-        raise UsageError(f"{camera.info.name} does not know how it is mounted: {HOW_TO_MEASURE}")
-    return lens, camera_mount

@@ -15,9 +15,6 @@ from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.frames.reading import one_line
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.observations.detections import Detections
     from edgemap.geometry.observations.sighting import Sighting
@@ -48,10 +45,11 @@ def command(
     --intrinsics or a camera file a lens of 60 degrees across is assumed, and the output states it.
     """
     from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+    from edgemap.runtime.frames.frame import png
     from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
     from edgemap.runtime.network.decode import Decoder, Detector
     from edgemap.runtime.network.preprocess import floor_mask
-    from edgemap.runtime.step.overlay import draw_floor_mask
+    from edgemap.runtime.step.overlay import draw_detections, draw_floor_mask
 
     if not images:
         raise UsageError("no pictures given: edgemap detect PICTURE... or a folder of them")
@@ -72,35 +70,22 @@ def command(
             document = {"image": str(path), "width": picture.shape[1], "height": picture.shape[0]}
             document |= _found(detections, sightings, camera, guessed)
             if plot:
-                mask = floor_mask(*outputs, spec.floor)
+                mask, target = floor_mask(*outputs, spec.floor), plot / f"{path.stem}.png"
                 drawn = picture if mask is None else draw_floor_mask(picture, mask)
-                document["plot"] = str(_plot(plot / f"{path.stem}.png", drawn, detections, sightings, camera))
+                if camera is not None:
+                    from edgemap.plots.frame import plot_frame
+
+                    plot_frame(target, drawn, detections, sightings, camera)
+                else:
+                    make_folder(plot)
+                    write_atomically(target, png(draw_detections(drawn, detections, None)))
+                document["plot"] = str(target)
             documents.append(document)
             if not json:
                 _print_result(document)
     finally:  # a picture that cannot be read does not lose those before it
         if json:
             print_json(documents, allow_nan=False)
-
-
-def _plot(
-    path: Path,
-    picture: "NDArray[np.uint8]",
-    detections: "Detections",
-    sightings: "list[Sighting]",
-    camera: "FloorCamera | None",
-) -> Path:
-    """Draw into a file; its path."""
-    if camera is not None:
-        from edgemap.plots.frame import plot_frame
-
-        return plot_frame(path, picture, detections, sightings, camera)
-    from edgemap.runtime.frames.frame import png
-    from edgemap.runtime.step.overlay import draw_detections
-
-    make_folder(path.parent)
-    write_atomically(path, png(draw_detections(picture, detections, None)))
-    return path
 
 
 def _found(
@@ -136,21 +121,17 @@ def _floor_camera(width: int, height: int, optics: Optics) -> "tuple[FloorCamera
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 
-    lens, camera_mount = None, None
-    if optics.camera_file is not None:
-        described = read_camera_yaml(optics.camera_file)
-        lens, camera_mount = described.intrinsics, described.mount
-    camera_mount = read_mount(optics.mount, camera_mount)
-    lens = read_intrinsics(optics.intrinsics, width, height) or lens
-    if camera_mount is None:
+    described = read_camera_yaml(optics.camera_file) if optics.camera_file else None
+    mount = read_mount(optics.mount, described and described.mount)
+    lens = read_intrinsics(optics.intrinsics, width, height) or (described and described.intrinsics)
+    if mount is None:
         return None, False
-    guessed = lens is None
     if lens is None:
         focal = width / 2.0 * 3.0**0.5
-        lens = Intrinsics(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
+        return FloorCamera(Intrinsics(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0), mount), True
     if (lens.width, lens.height) != (width, height):
         raise UsageError(f"the picture is {width}x{height} px, the camera file says {lens.width}x{lens.height}")
-    return FloorCamera(lens, camera_mount), guessed
+    return FloorCamera(lens, mount), False
 
 
 def _print_result(document: dict) -> None:

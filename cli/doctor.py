@@ -53,7 +53,7 @@ def command(
 
     Exit code 1 where the run that these options describe would not start.
     """
-    findings = list(_examine(camera, bundle, plot))
+    findings = [_processor(), *_libraries(), *_cameras(), _bundle(bundle, camera.camera), *_camera(camera, plot)]
     if json:
         print_json([asdict(finding) for finding in findings])
     else:
@@ -77,15 +77,7 @@ def _gathered(findings: list[Diagnosis]) -> list[Diagnosis]:
     return [*findings[:first], together, *(one for one in findings[first:] if one not in extras)]
 
 
-def _examine(camera: Source, bundle: str | None, plot: Path | None) -> Iterator[Diagnosis]:
-    yield from _processor()
-    yield from _libraries()
-    yield from _cameras()
-    yield _bundle(bundle, camera.camera)
-    yield from _camera(camera, plot)
-
-
-def _processor() -> Iterator[Diagnosis]:
+def _processor() -> Diagnosis:
     import os
     import platform
 
@@ -99,7 +91,7 @@ def _processor() -> Iterator[Diagnosis]:
         flags = ", " + " ".join(word for word in wanted if word in words)
     memory_gb = psutil.virtual_memory().total / 1e9
     text = f"{platform.machine()}, {usable} cores usable, {memory_gb:.1f} GB memory{flags}"
-    yield Diagnosis("processor", "ok", text)
+    return Diagnosis("processor", "ok", text)
 
 
 def _libraries() -> Iterator[Diagnosis]:

@@ -78,7 +78,7 @@ class Run:
     ) -> None:
         robot, chosen = options.robot, options.map
         self.options, self.source, self.loaded, self.floor = options, source, loaded, floor
-        threshold = minimum_score(chosen.confidence, loaded)
+        self.threshold = minimum_score(chosen.confidence, loaded)
         self.place, self.strict = chosen.place(), tuned.camera.strict
         if self.place and self.place.lives and not self.place.exists:
             print(f"new map: {self.place.path}/", flush=True)
@@ -92,13 +92,13 @@ class Run:
         self.finder = find_place(self.slam.mapper) if chosen.auto else None
         self.folder = options.outputs.out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         self.kept_camera = CameraKeeper(self.folder, floor, guess, options.camera.camera)
-        self.record = run_record(options, source, loaded, floor, threshold, self.mapped, tuned)
+        self.record = run_record(options, source, loaded, floor, self.threshold, self.mapped, tuned)
         self.record |= {"loop_closure": self.slam.mapper.loop_closer.closes_loops}
         self.record |= {"camera_guess": guess.record()} if guess else {}
         self.record |= {"companion": loaded.companion.manifest.name} if loaded.companion else {}
         guessed = (guess.pitch_sigma_rad, guess.height_sigma) if guess else (0.0, 0.0)
         angles, height = ("guessed" if sigma else "given" for sigma in guessed)
-        self.mount_sources, self.carried = (angles, height), bool(guess and guess.sway_rad)
+        self.summary = RunSummary(floor.mount, (angles, height), bool(guess and guess.sway_rad))
         self.crops = BestCrops()
         self.files: RunFolder | None = None
         counts = (options.camera.frames, source.info.frame_count)
@@ -107,7 +107,9 @@ class Run:
 
     def drive(self) -> None:
         """Drive until the source ends, `--frames` is reached or a signal arrives; then print the result."""
-        edits = self._edits()
+        repeated, spec = self.options.advanced.repeated_edits(), self.options.camera.camera
+        given = load_edits(repeated) if repeated else read_edits(self.source.info.edits, f"{spec}: edits")
+        edits = Edits(self.folder / "edits.jsonl", given)
         with ExitStack() as held:
             stop = held.enter_context(stop_on_signals())  # from here on there is something to save
             if (kept := self._living_map()) is not None:
@@ -150,14 +152,9 @@ class Run:
         """How far the map can be trusted."""
         return self.files.judge() if self.files else Verdict("care")
 
-    def _edits(self) -> Edits:
-        given, spec = self.options.advanced.repeated_edits(), self.options.camera.camera
-        found = load_edits(given) if given else read_edits(self.source.info.edits, f"{spec}: edits")
-        return Edits(self.folder / "edits.jsonl", found)
-
     def _drive_with(self, server: "PageServer | None", stop: Event, edits: Edits, kept: LivingMap | None) -> None:
         camera, saved = self.options.camera, self.options.map.saved
-        notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount, self.mount_sources, self.carried)
+        notifier, summary = ServiceNotifier(), self.summary
         source = SearchRate(self.source, camera.rate) if camera.rate else self.source
         publishers, page = self._publishers(edits), server.page if server else None
         files = self.files = RunFolder(self.folder, self.floor, self.record)
@@ -205,6 +202,8 @@ class Run:
         """Sinks of the recording and of other programs."""
         inference, guess = Inference(self.loaded.compute.engine, self.loaded.precision), self.record.get("camera_guess")
         saved = self.place.path if self.place and self.place.exists else None
-        labels = self.loaded.names, minimum_score(self.options.map.confidence, self.loaded)
-        run = RunInfo(self.folder, self.source, self.floor, edits, inference, saved, guess, self._verdict, *labels)
+        run = RunInfo(
+            self.folder, self.source, self.floor, edits, inference, saved, guess, self._verdict, self.loaded.names,
+            self.threshold,
+        )  # fmt: skip
         return open_sinks(self.options.sinks, run)

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.network_options import NetworkOptions
-from edgemap.cli.options import Json, at_least, figure, in_unit, print_json
-from edgemap.runtime.frames.errors import BundleError, CameraError, UsageError
+from edgemap.cli.options import Json, at_least, figure, in_unit, listed, print_json
+from edgemap.runtime.frames.errors import CameraError, UsageError
 
 if TYPE_CHECKING:
     from edgemap.evaluation.detection import ScoredPicture
@@ -70,7 +70,7 @@ def command(
     as_run = Decoder(spec, loaded.manifest.confidence, one_name=True)
     number = {name: index for index, name in enumerate(loaded.names)}
     if classes is not None:
-        chosen = {name.strip() for name in classes.split(",") if name.strip()}
+        chosen = set(listed(classes))
         if not chosen or chosen - set(number):
             raise UsageError(f"--classes {classes!r}: the bundle knows {', '.join(loaded.names)}")
         number = {name: index for name, index in number.items() if name in chosen}
@@ -132,7 +132,7 @@ def command(
 
 def _calibrate(loaded: "Bundle", pictures: "list[ScoredPicture]") -> dict[str, float]:
     """Writes the scores at which boxes count fully into the bundle, or FILE.bundle.json beside FILE.onnx; all under "".
-    Raises BundleError."""
+    Raises UsageError for a bundle of the package, and OSError."""
     import msgspec
 
     from edgemap.evaluation.detection import break_even_scores
@@ -149,8 +149,5 @@ def _calibrate(loaded: "Bundle", pictures: "list[ScoredPicture]") -> dict[str, f
             f"--calibrate: {loaded.manifest.name} comes with edgemap, which stays as it is: copy its folder"
         )
     manifest = msgspec.structs.replace(loaded.manifest, sure_confidence=all_classes, class_scores=half)
-    try:
-        write_manifest(loaded.folder, manifest, name)
-    except OSError as error:
-        raise BundleError(f"{loaded.folder / name}: cannot be written ({error.strerror})") from None
+    write_manifest(loaded.folder, manifest, name)
     return found

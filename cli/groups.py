@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import (
+    HOW_TO_MEASURE,
     CameraFile,
     CameraSpec,
     IntrinsicsText,
     MountText,
     Rotate,
-    lens_and_mount,
+    known_lens,
     open_described,
+    read_mount,
     read_mount_numbers,
     read_numbers_of_lens,
 )
@@ -44,8 +46,12 @@ class Optics:
     def floor_camera(self, source: "Camera") -> "FloorCamera":
         """Intrinsics and mount: flags before the camera file, that before the source's own. Raises UsageError."""
         from edgemap.geometry.camera.floor import FloorCamera
+        from edgemap.runtime.inputs.drives.drive import ridden
 
-        lens, mount = lens_and_mount(source, self.intrinsics, self.mount)
+        lens = known_lens(source, self.intrinsics)
+        mount = ridden(source.info.name.partition(":")[0], read_mount(self.mount, source.info.mount))
+        if mount is None:
+            raise UsageError(f"{source.info.name} does not know how it is mounted: {HOW_TO_MEASURE}")
         try:
             return FloorCamera(lens, mount)
         except GeometryError as error:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import tyro
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.options import above_zero
+from edgemap.cli.options import above_zero, listed
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.step.map_store import saved_map
@@ -69,7 +69,7 @@ def command(
     from edgemap.runtime.step.grid_file import load_grid
     from edgemap.runtime.step.map_file import load_annotated_map
 
-    above_zero(resolution=resolution, **{"robot-width": robot_width})
+    above_zero(resolution=resolution, robot_width=robot_width)
     map = saved_map(map)
     (mapped, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
     map_id = map_id or (annotations.identity.map_id if annotations.identity else "map")
@@ -92,7 +92,7 @@ def command(
 
         if keep_out is None and speed is None:
             raise UsageError("--format nav2-masks needs --keep-out ZONE,… or --speed ZONE=PERCENT,…")
-        written = write_masks(path, annotations.zones, _names(keep_out), _percentages(speed), resolution)
+        written = write_masks(path, annotations.zones, listed(keep_out), _percentages(speed), resolution)
         what = "masks of zones"
     elif format == "route":
         from edgemap.runtime.outputs.map_formats.route import route_text
@@ -107,22 +107,23 @@ def command(
         areas = rooms_of(mapped, annotations, floor)
         draw_map(path, DrawnMap(mapped, poses, (), (), annotations.zones, floor, *areas))
         what = f"drawing of {len(mapped)} objects"
-    else:
+    elif format == "geojson":
         from edgemap.geometry.grid.walls import walls_of
         from edgemap.runtime.outputs.map_formats.geojson import geojson_text
-        from edgemap.runtime.outputs.map_formats.nav2 import vector_text
+
+        walls, areas = walls_of(floor) if floor else (), rooms_of(mapped, annotations, floor)
+        write_atomically(path, geojson_text(mapped, trajectory, map_id, annotations, walls, *areas))
+        what = _counted(objects=mapped, rooms=areas[0], doors=areas[1], walls=walls, zones=annotations.zones)
+    elif format == "csv":
         from edgemap.runtime.outputs.map_formats.table import csv_text
 
-        if format == "geojson":
-            walls, areas = walls_of(floor) if floor else (), rooms_of(mapped, annotations, floor)
-            text = geojson_text(mapped, trajectory, map_id, annotations, walls, *areas)
-            what = _counted(objects=mapped, rooms=areas[0], doors=areas[1], walls=walls, zones=annotations.zones)
-        else:
-            zones, barred = annotations.zones, _names(keep_out)
-            as_csv = format == "csv"
-            text = csv_text(mapped, zones) if as_csv else vector_text(mapped, map_id, resolution, zones, barred)
-            what = what if as_csv else _counted(objects=mapped, zones=zones)
-        write_atomically(path, text)
+        write_atomically(path, csv_text(mapped, annotations.zones))
+    else:
+        from edgemap.runtime.outputs.map_formats.nav2 import vector_text
+
+        zones = annotations.zones
+        write_atomically(path, vector_text(mapped, map_id, resolution, zones, listed(keep_out)))
+        what = _counted(objects=mapped, zones=zones)
     hint = "" if trajectory or floor else "; no trajectory.tum beside it" if format == "nav2" else ""
     print(f"{what} written to {' and '.join(str(path) for path in written)}{hint}")
 
@@ -134,15 +135,10 @@ def _counted(**parts: Sized) -> str:
     return ", ".join(f"{count} {name.removesuffix('s') if count == 1 else name}" for name, count in there.items())
 
 
-def _names(text: str | None) -> list[str]:
-    """`--keep-out A,B`."""
-    return [name.strip() for name in (text or "").split(",") if name.strip()]
-
-
 def _percentages(text: str | None) -> dict[str, int]:
     """`--speed A=50,B=20`. Raises UsageError."""
     limits = {}
-    for part in _names(text):
+    for part in listed(text):
         name, equals, percent = part.rpartition("=")
         if not equals or not percent.isdecimal() or not 1 <= int(percent) <= 100:
             raise UsageError(f"--speed {part!r}: expected ZONE=PERCENT with 1 to 100")

@@ -2,7 +2,7 @@
 
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 
@@ -10,9 +10,6 @@ from edgemap.cli.arguments import arg
 from edgemap.runtime.frames.disk import make_folder
 from edgemap.runtime.frames.errors import UsageError
 from edgemap.runtime.step.map_store import saved_map
-
-if TYPE_CHECKING:
-    from edgemap.geometry.registration.alignment import Alignment
 
 
 def command(
@@ -45,17 +42,13 @@ def command(
         raise AlignmentError(f"{places[number]} does not fit onto {places['0']}: {reason}")
     print(f"{places['0']}: {len(loaded['0'][0])} objects")
     for number, alignment in list(merged.alignments.items())[1:]:
-        print(f"{places[number]}: {len(loaded[number][0])} objects, {alignment_text(alignment)}")
+        pose = alignment.pose_a_b
+        rival = f"next best {alignment.rival}" if alignment.rival else "no other fits"
+        print(
+            f"{places[number]}: {len(loaded[number][0])} objects, {len(alignment.pairs)} of {alignment.shared} matched "
+            f"({rival}) by x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg; "
+            f"{alignment.rms_m:.2f} m apart"
+        )
     make_folder(path.parent)
     save_map(path, merged.objects, merged.annotations, merged.grid)
     print(f"map of {len(merged.objects)} objects saved in {path}")
-
-
-def alignment_text(alignment: "Alignment") -> str:
-    """An alignment in one line."""
-    pose = alignment.pose_a_b
-    rival = f"next best {alignment.rival}" if alignment.rival else "no other fits"
-    return (
-        f"{len(alignment.pairs)} of {alignment.shared} matched ({rival}) by x {pose.x_m:.2f} m, "
-        f"y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg; {alignment.rms_m:.2f} m apart"
-    )

@@ -1,13 +1,13 @@
 """`edgemap map show`: look at a map."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.options import Json, last_run, print_json
+from edgemap.cli.options import Json, last_run, listed, print_json
 from edgemap.runtime.frames.errors import OdometryError, UsageError
 from edgemap.runtime.frames.option_texts import known_names, numbers
 from edgemap.runtime.frames.reading import print_message, printable
@@ -59,16 +59,16 @@ def command(
     maps = maps or (last_run(),)
     if len(maps) > 1 and (out is not None or json):
         raise UsageError(f"{'--json' if json else '--out'} takes one map, several are drawn and listed one by one")
-    question = Question.read(label, near, inside, since)
+    asked = any(option is not None for option in (label, near, inside, since))
     for path in (saved_map(one) for one in maps):
         objects, annotations = load_annotated_map(path)
-        answers = question.answer(objects)
+        answers = _asked(objects, label, near, inside, since)
         if history:
-            shown = [item for item, _ in answers] + ([] if question.asked else list(annotations.vanished))
+            shown = [item for item, _ in answers] + ([] if asked else list(annotations.vanished))
             _print_history(shown, json)
             continue
         grid = load_grid(path)
-        areas, everything = rooms_of(objects, annotations, grid), not (question.asked or json)
+        areas, everything = rooms_of(objects, annotations, grid), not (asked or json)
         if json:
             _print_json(path, areas, answers)
         else:
@@ -86,51 +86,30 @@ Areas = tuple[tuple["Room", ...], tuple["Door", ...]]
 Answers = list[tuple["MapObject", "float | None"]]
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
-    """What is asked of a map; None asks nothing."""
+def _asked(
+    objects: "list[MapObject]", label: str | None, near: str | None, inside: str | None, since_s: float | None
+) -> Answers:
+    """The objects asked for, with their distance in metres where a point is given. Raises UsageError."""
+    from edgemap.geometry.objects import queries
 
-    labels: tuple[str, ...] | None
-    near_m: list[float] | None
-    corners_m: list[list[float]] | None
-    since_s: float | None
-
-    @classmethod
-    def read(cls, label: str | None, near: str | None, inside: str | None, since_s: float | None) -> "Question":
-        """The question that the options ask. Raises UsageError."""
-        labels = None if label is None else tuple(name.strip() for name in label.split(",") if name.strip())
-        if labels == ():
+    if label is not None:
+        labels, there = listed(label), {item.label for item in objects}
+        if not labels:
             raise UsageError("--label is empty")
-        near_m = None if near is None else numbers(near, "--near", "X,Y")
-        corners_m = None
-        if inside is not None:
-            corners_m = [numbers(corner, "--inside", "X,Y") for corner in inside.split(";") if corner.strip()]
-            if len(corners_m) < 3:
-                raise UsageError(f"--inside {inside!r}: a polygon has three corners or more, X,Y;X,Y;X,Y")
-        return cls(labels, near_m, corners_m, since_s)
-
-    @property
-    def asked(self) -> bool:
-        """Whether anything is asked."""
-        return self != Question(None, None, None, None)
-
-    def answer(self, objects: "list[MapObject]") -> Answers:
-        """The objects asked for, with their distance in metres where a point is given."""
-        from edgemap.geometry.objects import queries
-
-        if self.labels is not None:
-            there = {item.label for item in objects}
-            unknown = [label for label in self.labels if label not in there]
-            if unknown and (hint := known_names(unknown, there, "")).startswith("did you mean"):
-                raise UsageError(f"--label {', '.join(unknown)}: not on the map; {hint}")
-            objects = queries.labelled(objects, *self.labels)
-        if self.corners_m is not None:
-            objects = queries.inside_polygon(objects, self.corners_m)
-        if self.since_s is not None:
-            objects = [item for item in objects if item.last_seen_s >= self.since_s]
-        if self.near_m is None:
-            return [(item, None) for item in objects]
-        return [(item, distance_m) for distance_m, item in queries.nearest(objects, self.near_m)]
+        unknown = [name for name in labels if name not in there]
+        if unknown and (hint := known_names(unknown, there, "")).startswith("did you mean"):
+            raise UsageError(f"--label {', '.join(unknown)}: not on the map; {hint}")
+        objects = queries.labelled(objects, *labels)
+    if inside is not None:
+        corners_m = [numbers(corner, "--inside", "X,Y") for corner in inside.split(";") if corner.strip()]
+        if len(corners_m) < 3:
+            raise UsageError(f"--inside {inside!r}: a polygon has three corners or more, X,Y;X,Y;X,Y")
+        objects = queries.inside_polygon(objects, corners_m)
+    if since_s is not None:
+        objects = [item for item in objects if item.last_seen_s >= since_s]
+    if near is None:
+        return [(item, None) for item in objects]
+    return [(item, distance_m) for distance_m, item in queries.nearest(objects, numbers(near, "--near", "X,Y"))]
 
 
 def _print_lines(answers: Answers) -> None:

@@ -1,6 +1,7 @@
 """Options that several commands share: what they mean, and how their text is read. No heavy imports here."""
 
 import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -57,6 +58,11 @@ ConfigOptions = Annotated[
 ]
 
 
+def listed(text: str | None) -> list[str]:
+    """The names in `A,B`."""
+    return [name.strip() for name in (text or "").split(",") if name.strip()]
+
+
 def sensor_topics(text: str | None, optical: str = "camera_optical_frame") -> "SensorTopics":
     """The sensors in the text of `--topics`. optical: the camera's frame where the text names none. Raises
     UsageError."""
@@ -83,24 +89,23 @@ def figure(value: float | None, form: str = ".2f", unit: str = "") -> str:
 
 def at_least(minimum: int, **values: int | None) -> None:
     """Rejects integers below `minimum`; keywords are option names, None is accepted. Raises UsageError."""
-    for name, value in values.items():
-        if value is not None and value < minimum:
-            raise UsageError(f"--{name} {value}: must be {minimum} or more")
+    _check(values, lambda value: value >= minimum, f"{minimum} or more")
 
 
 def above_zero(**values: float | None) -> None:
-    """Rejects numbers that are not positive and finite; keywords are option names, None is accepted. Raises
-    UsageError."""
-    for name, value in values.items():
-        if value is not None and not 0.0 < value < math.inf:
-            raise UsageError(f"--{name} {value:g}: must be above 0")
+    """Rejects numbers that are not positive and finite, as `at_least` does."""
+    _check(values, lambda value: 0.0 < value < math.inf, "above 0")
 
 
 def in_unit(**values: float | None) -> None:
-    """Rejects numbers outside (0, 1]; keywords are option names, None is accepted. Raises UsageError."""
+    """Rejects numbers outside (0, 1], as `at_least` does."""
+    _check(values, lambda value: 0.0 < value <= 1.0, "above 0 and at most 1")
+
+
+def _check(values: Mapping[str, float | None], fits: Callable[[float], bool], expected: str) -> None:
     for name, value in values.items():
-        if value is not None and not 0.0 < value <= 1.0:
-            raise UsageError(f"--{name} {value}: must be above 0 and at most 1")
+        if value is not None and not fits(value):
+            raise UsageError(f"--{name.replace('_', '-')} {value:g}: must be {expected}")
 
 
 def minimum_score(confidence: float | None, bundle: "Bundle") -> float:

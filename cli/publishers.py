@@ -76,9 +76,3 @@ class OutputGroup:
             "fleet:PLACE[@HOST[:PORT]]: to the keeper of a place (extra fleet, docs/fleet.md).",
         ),
     ] = None
-
-    def sinks(self) -> dict[str, str]:
-        """The sinks that were asked for, by name, each with its address."""
-        named = {"record": self.recording, "mqtt": self.mqtt, "ros2": self.ros2}
-        others = (text.partition(":") for text in (self.sink or "").split(",") if text)
-        return {name: text for name, text in named.items() if text is not None} | {one[0]: one[2] for one in others}

@@ -1,6 +1,6 @@
 """`edgemap run`: the main job."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.groups import MotionOptions
@@ -13,10 +13,6 @@ from edgemap.cli.run_options import (
     WatchGroup,
 )
 from edgemap.runtime.frames.reading import printable
-
-if TYPE_CHECKING:
-    from edgemap.runtime.frames.camera import Camera
-    from edgemap.runtime.network.bundle import Bundle
 
 
 def command(
@@ -50,24 +46,17 @@ def command(
     tuned = load_config(advanced.config) if advanced.config else Config()
     pace_files = options.pace_files and watch.view is None
     how = CameraOptions(
-        realtime=pace_files, recovery=tuned.camera, topics=options.topics, depth=not camera.without_depth,
+        realtime=pace_files, recovery=tuned.camera, topics=options.sensors(), depth=not camera.without_depth,
         frames=camera.frames,
     )  # fmt: skip
     with camera.open(how) as source:
         check_size(source)
         for note in source.info.notes:
             print(printable(note))
-        loaded = _load(options, source)
+        paced = source.info.live or watch.view is not None or options.pace_files  # as many threads as pay then
+        loaded = advanced.load(camera.camera, pace="camera" if paced else "files", recorded=source.info.inference)
         floor, guess = floor_camera_of(camera, source, loaded, how)
         lens = floor.intrinsics
         if robot.odometry != "paper":  # the network for whole inputs may go now
             loaded = loaded.for_pictures(lens.width, lens.height)
         Run(options, source, loaded, floor, tuned, guess).drive()
-
-
-def _load(options: RunOptions, source: "Camera") -> "Bundle":
-    """The bundle, with as many threads as pay where frames come at a camera's pace."""
-    paced = source.info.live or options.watch.view is not None or options.pace_files
-    return options.advanced.load(
-        options.camera.camera, pace="camera" if paced else "files", recorded=source.info.inference
-    )

@@ -14,6 +14,7 @@ from edgemap.cli.options import (
     WithoutDepth,
     above_zero,
     at_least,
+    listed,
     sensor_topics,
 )
 from edgemap.cli.publishers import OutputGroup, WatchGroup
@@ -84,9 +85,7 @@ class MapGroup(MappingOptions):
     @property
     def named_classes(self) -> frozenset[str] | None:
         """The classes of `--classes`; None without it."""
-        if self.classes is None:
-            return None
-        return frozenset(name.strip() for name in self.classes.split(",") if name.strip())
+        return None if self.classes is None else frozenset(listed(self.classes))
 
 
 @dataclass(frozen=True)
@@ -123,7 +122,6 @@ class RunOptions:
         self.robot.check()
         at_least(1, frames=self.camera.frames, threads=self.advanced.threads)
         self.map.check()
-        sensor_topics(self.camera.topics)
         above_zero(rate=self.camera.rate)
         asked = self.sinks
         for extra in ("foxglove", "record", "mqtt", "ros2"):
@@ -138,25 +136,24 @@ class RunOptions:
             from edgemap.cli.record import check_name
 
             check_name(file_of(asked["record"])[0])
-        if "ros2" in asked:
-            from edgemap.bridges.ros2.sink import Ros2Options
-
-            Ros2Options.of(asked["ros2"])
+        self.sensors()
 
     @property
     def sinks(self) -> dict[str, str]:
         """The sinks that were asked for, by name, each with its address."""
-        viewers = {} if self.watch.foxglove is None else {"foxglove": self.watch.foxglove}
-        return viewers | self.outputs.sinks()
+        outputs = self.outputs
+        named = {"record": outputs.recording, "mqtt": outputs.mqtt, "ros2": outputs.ros2}
+        named = {"foxglove": self.watch.foxglove} | named
+        others = (text.partition(":") for text in (outputs.sink or "").split(",") if text)
+        return {name: text for name, text in named.items() if text is not None} | {one[0]: one[2] for one in others}
 
     @property
     def pace_files(self) -> bool:
         """Whether file sources are paced by their stamps: on request, or because a live output follows the run."""
         return self.camera.realtime or self.watch.foxglove is not None or self.outputs.ros2 is not None
 
-    @property
-    def topics(self) -> "SensorTopics":
-        """Further sensors among ROS 2 topics."""
+    def sensors(self) -> "SensorTopics":
+        """Further sensors among ROS 2 topics. Raises UsageError."""
         if not self.outputs.ros2:
             return sensor_topics(self.camera.topics)
         from edgemap.bridges.ros2.sink import Ros2Options

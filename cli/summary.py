@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from edgemap.benchmarks.map_variants import true_object, true_objects
-from edgemap.evaluation.objects import TrueObject, evaluation_rows
+from edgemap.evaluation.objects import evaluation_rows
 from edgemap.evaluation.rows import EvaluationRow, tally
 from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.camera.mount import HeightEstimate, Mount
@@ -127,11 +127,6 @@ def with_map_so_far(summary: RunSummary, files: RunFolder) -> Iterator[None]:
         raise
 
 
-def _shown(camera: Camera) -> list[TrueObject]:
-    """What sim:SEED knows, which is more with every picture that it renders."""
-    return [true_object(record) for record in camera.object_records() or []]
-
-
 def judge_of(
     spec: str, camera: Camera, labels: Collection[str] | None
 ) -> Callable[[list[MapObject], int], list[EvaluationRow]] | None:
@@ -145,7 +140,9 @@ def judge_of(
         return None
 
     def judge(objects: list[MapObject], frames: int) -> list[EvaluationRow]:
-        truth = true_objects(drive, frames) if drive else _shown(camera)
+        # What sim:SEED knows is more with every picture that it renders.
+        records = camera.object_records() or []
+        truth = true_objects(drive, frames) if drive else [true_object(record) for record in records]
         return evaluation_rows(objects, [item for item in truth if labels is None or item.label in labels])
 
     return judge

@@ -61,7 +61,7 @@ def command(
     from edgemap.export.floor.cache import cached_views
     from edgemap.export.floor.checkpoint import load_floor
     from edgemap.export.floor.features import Features
-    from edgemap.export.floor.labels import labelled
+    from edgemap.export.floor.labels import labelled, open_teacher
     from edgemap.export.floor.train import FloorTrainer
     from edgemap.runtime.network.store import cache_folder
 
@@ -69,11 +69,7 @@ def command(
     features = Features(backbone, settings.threads)
     if first is not None and first.taps != tuple(tap.name for tap in features.taps):
         raise UsageError(f"--start {start}: reads {', '.join(first.taps)}, features of {first.backbone}")
-    teach = None
-    if teacher is not None:
-        from edgemap.export.floor.labels import open_teacher
-
-        teach = open_teacher(teacher, settings.threads)
+    teach = None if teacher is None else open_teacher(teacher, settings.threads)
     sources = [labelled(spec, teach, output / "labels" / Path(spec).name) for spec in data]
     held_back = {spec: labelled(spec, teach, output / "labels" / Path(spec).name) for spec in validation}
     print(

@@ -1,16 +1,17 @@
 """Wrong usage in one line: what tyro draws as a box, in its own words."""
 
-import inspect
 import io
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import redirect_stderr
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
+from functools import wraps
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
+from edgemap.cli.config_options import flags_of
 from edgemap.runtime.frames.reading import print_message, user_path
 
 NOT_OF_TYPE = re.compile(
@@ -28,12 +29,12 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
     rest = [_from_home(word) for word in rest]
     captured, real = io.StringIO(), sys.stderr
 
+    @wraps(command)
     def begun(*arguments: Any, **options: Any) -> Any:
         with redirect_stderr(real):
             return command(*arguments, **options)
 
     hints = get_type_hints(command, include_extras=True)
-    begun.__doc__, begun.__signature__ = command.__doc__, inspect.signature(command)  # type: ignore[attr-defined]
     begun.__annotations__ = {name: _spelt_out(hint) for name, hint in hints.items()}
     try:
         with redirect_stderr(captured):
@@ -41,7 +42,7 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
             tyro.cli(begun, prog=f"edgemap {words}", args=rest, config=marks)
     except SystemExit as error:
         if error.code == 2 and captured.getvalue():
-            line = usage_line(captured.getvalue(), _takes_camera(hints.values()))
+            line = usage_line(captured.getvalue(), "camera" in flags_of(command))
             print_message(f"edgemap {words}: {line} (edgemap {words} --help)")
         raise
 
@@ -50,12 +51,6 @@ def _from_home(word: str) -> str:
     """`~/x` and `--option=~/x` with the home folder, which a shell leaves out in the latter, a service in both."""
     option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
     return option + equals + str(user_path(value)) if value.startswith("~/") else word
-
-
-def _takes_camera(hints: Iterable[Any]) -> bool:
-    """Whether one of the command's groups of options has --camera."""
-    groups = (hint.__origin__ if get_origin(hint) is Annotated else hint for hint in hints)
-    return any(field.name == "camera" for group in groups if is_dataclass(group) for field in fields(group))
 
 
 def _spelt_out(hint: Any) -> Any:

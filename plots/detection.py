@@ -1,6 +1,5 @@
 """The worst false boxes and the largest misses of a detector, each cut out of its picture."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -15,13 +14,8 @@ TILE_PX, COLUMNS, TILES = 240, 5, 20
 FALSE, MISSED, TEXT = (60, 60, 255), (0, 200, 255), (255, 255, 255)  # BGR
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mistake:
-    """A box (4,) xyxy px that is wrong or was missed, cut out of its picture; rank: the worst first."""
-
-    rank: float
-    text: str
-    tile: NDArray[np.uint8]
+# A box that is wrong or was missed: its rank, the worst first, its text, and what is cut out of its picture.
+Mistake = tuple[float, str, NDArray[np.uint8]]
 
 
 class Mistakes:
@@ -38,13 +32,13 @@ class Mistakes:
         for row in np.flatnonzero(~matches.hit & ~matches.free):
             score = float(picture.scores[row])
             text = f"{self._names[picture.labels[row]]} {score:.2f}"
-            self._false.append(Mistake(score, text, _tile(image, picture.boxes[row], FALSE)))
+            self._false.append((score, text, _tile(image, picture.boxes[row], FALSE)))
         for row in np.flatnonzero(~matches.found & picture.scored):
             box = picture.true_boxes[row]
             share = float((box[2:] - box[:2]).prod()) / (image.shape[0] * image.shape[1])
-            self._missed.append(Mistake(share, self._names[picture.true_labels[row]], _tile(image, box, MISSED)))
+            self._missed.append((share, self._names[picture.true_labels[row]], _tile(image, box, MISSED)))
         for kept in (self._false, self._missed):
-            kept.sort(key=lambda mistake: -mistake.rank)
+            kept.sort(key=lambda mistake: -mistake[0])
             del kept[TILES:]
 
     def save(self, folder: Path) -> list[Path]:
@@ -72,8 +66,8 @@ def _tile(image: NDArray[np.uint8], box: NDArray[np.float64], colour: tuple[int,
 def _sheet(mistakes: list[Mistake]) -> NDArray[np.uint8]:
     rows = -(-len(mistakes) // COLUMNS)
     sheet = np.zeros((rows * TILE_PX, COLUMNS * TILE_PX, 3), np.uint8)
-    for number, mistake in enumerate(mistakes):
+    for number, (_, text, tile) in enumerate(mistakes):
         top, left = number // COLUMNS * TILE_PX, number % COLUMNS * TILE_PX
-        cv2.putText(mistake.tile, mistake.text, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, TEXT, 1, cv2.LINE_AA)
-        sheet[top : top + TILE_PX, left : left + TILE_PX] = mistake.tile
+        cv2.putText(tile, text, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, TEXT, 1, cv2.LINE_AA)
+        sheet[top : top + TILE_PX, left : left + TILE_PX] = tile
     return sheet

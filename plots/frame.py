@@ -11,7 +11,8 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.plots.style import INK, Axes, label_colours, plt, save
+from edgemap.plots.style import INK, Axes, plt, save
+from edgemap.runtime.frames.colours import label_colour
 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, map_picture
 from edgemap.runtime.step.overlay import draw_detections, draw_floor_grid
 
@@ -35,10 +36,10 @@ def plot_frame(
 def _distances(axes: Axes, sightings: list[Sighting]) -> None:
     """Horizontal bars, nearest on top."""
     ordered = sorted(sightings, key=lambda sighting: -sighting.distance_m)
-    colours = label_colours(sighting.label for sighting in sightings)
+    colours = [label_colour(s.label) for s in ordered]
     rows = np.arange(len(ordered))
     errors = [np.sqrt(np.linalg.eigvalsh(s.covariance_m2 + s.shared_m2)[-1]) for s in ordered]
-    axes.barh(rows, [s.distance_m for s in ordered], xerr=errors, color=[colours[s.label] for s in ordered], ecolor=INK)
+    axes.barh(rows, [s.distance_m for s in ordered], xerr=errors, color=colours, ecolor=INK)
     axes.set_yticks(rows, [f"{s.label}\n{s.width_m:.2f} x {s.height_m:.2f} m" for s in ordered])
     for row, (sighting, error) in enumerate(zip(ordered, errors, strict=True)):
         text = f" {sighting.distance_m:.2f} ± {error:.2f} m"

@@ -14,6 +14,7 @@ from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.objects.queries import changes, inside_polygon
 from edgemap.geometry.objects.rooms import rooms_of
 from edgemap.geometry.objects.zone_watch import ZoneEvent
+from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.outputs.verdict.causes import cause_of
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 from edgemap.runtime.step.map_file import (
@@ -25,10 +26,10 @@ from edgemap.runtime.step.map_file import (
     zone_record,
 )
 from edgemap.runtime.step.slam import StepResult
-from edgemap.view.page import LivePage, PageSnapshot, ShownFault
+from edgemap.view.page import LivePage, PageSnapshot
 from edgemap.view.status import pose_sigma, status
 
-ENCODER = msgspec.json.Encoder(enc_hook=float)  # numpy's numbers
+plain = msgspec.json.Encoder(enc_hook=float).encode  # JSON bytes; numpy's numbers are taken
 
 
 def health_answer(page: LivePage, usage: dict[str, float | None]) -> dict[str, Any]:
@@ -148,10 +149,10 @@ def rooms_answer(
     return {"rooms": [room_record(room) for room in rooms], "doors": [door_record(door) for door in doors]}
 
 
-def fault_answer(shown: ShownFault) -> dict[str, Any]:
+def fault_answer(fault: Fault) -> dict[str, Any]:
     """A fault with the frame at which it began, and the remedy: empty where none is known."""
-    cause = cause_of(shown.fault.kind)
-    return {**shown.fault.document(), "frame": shown.frame, "remedy": cause.remedy if cause else ""}
+    cause = cause_of(fault.kind)
+    return fault.document() | {"remedy": cause.remedy if cause else ""}
 
 
 def event_answer(event: ZoneEvent) -> dict[str, Any]:
@@ -173,8 +174,3 @@ def boxes(result: StepResult) -> list[dict[str, Any]]:
         score = round(float(detections.scores[index]), 3)
         rows.append({"box": box, "label": label, "score": score, "distance_m": distance_m, "object": identity})
     return rows
-
-
-def plain(value: Any) -> bytes:
-    """JSON bytes."""
-    return ENCODER.encode(value)

@@ -1,7 +1,8 @@
 """The HTTP API of a run: its map and its state, for any program. docs/http-api.md documents it."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +18,7 @@ from edgemap.runtime.step.map_file import goal_record
 from edgemap.view import answers
 from edgemap.view import edit_routes as edits
 from edgemap.view.page import LivePage
-from edgemap.view.questions import Answer, Nothing, Refused, as_json, body_of, guarded, named, newest_of
+from edgemap.view.questions import Nothing, Refused, as_json, body_of, named, newest_of, object_json
 from edgemap.view.updates import ProcessUsage, shown_jpeg
 
 USUAL = ApproachRule()  # for goal poses
@@ -52,8 +53,13 @@ def api_routes(page: LivePage, usage: ProcessUsage) -> list[Route]:
         "changes": lambda: answers.changes_answer(page.objects, page.annotations),
         "zones": lambda: answers.zones_answer(page.annotations.zones, page.objects),
     }
-    routes = [Route(f"/api/{name}", guarded(page, _reading(state)), methods=["GET"]) for name, state in states.items()]
-    return routes + [Route(path, guarded(page, answer), methods=[method]) for method, path, answer in ANSWERS]
+    routes = [Route(f"/api/{name}", partial(_read, state), methods=["GET"]) for name, state in states.items()]
+    return routes + [Route(path, partial(answer, page), methods=[method]) for method, path, answer in ANSWERS]
+
+
+async def _read(state: Callable[[], object], request: Request) -> Response:  # noqa: ARG001
+    """A state as JSON."""
+    return as_json(state())
 
 
 async def picture(page: LivePage, request: Request) -> Response:  # noqa: ARG001
@@ -77,12 +83,12 @@ async def saved_map(page: LivePage, request: Request) -> Response:  # noqa: ARG0
 
 async def one_object(page: LivePage, request: Request) -> Response:
     """One object."""
-    return as_json(named(page, request))
+    return object_json(page, request.path_params["id"])
 
 
 async def object_picture(page: LivePage, request: Request) -> Response:
     """The best picture of an object that this run has."""
-    identity = named(page, request)["id"]
+    identity = named(page, request).id
     _must_show(page)
     crop = page.crops.of([identity]).get(identity)
     if crop is None:
@@ -144,13 +150,12 @@ async def go(page: LivePage, request: Request) -> Response:
 
 
 def _found(page: LivePage, request: Request) -> Approach:
-    identity, snapshot = named(page, request)["id"], newest_of(page)
+    item, snapshot = named(page, request), newest_of(page)
     rule = ApproachRule(
         _metres(request, "standoff_m", USUAL.standoff_m),
         _metres(request, "robot_radius_m", USUAL.robot_radius_m),
     )
     pose = snapshot.result.pose_map_base
-    item = next(item for item in snapshot.objects if item.id == identity)
     try:
         return approach(item, snapshot.objects, page.grid, (pose.x_m, pose.y_m), rule)
     except MapError as error:
@@ -159,15 +164,6 @@ def _found(page: LivePage, request: Request) -> Approach:
 
 def _goal(request: Request, goal: Approach) -> dict[str, Any]:
     return {"object": request.path_params["id"]} | goal_record(goal)
-
-
-def _reading(state: Callable[[], object]) -> Answer:
-    """Answers with a state as JSON."""
-
-    async def answer(page: LivePage, request: Request) -> Response:  # noqa: ARG001
-        return as_json(state())
-
-    return answer
 
 
 def _metres(request: Request, name: str, usual: float) -> float:
@@ -184,7 +180,8 @@ def _metres(request: Request, name: str, usual: float) -> float:
     return value
 
 
-ANSWERS: list[tuple[str, str, Answer]] = [  # method, address and what answers
+# Method, address and what answers.
+ANSWERS: list[tuple[str, str, Callable[[LivePage, Request], Awaitable[Response]]]] = [
     ("GET", "/api/picture", picture),
     ("GET", "/api/map", saved_map),
     ("GET", "/api/rooms", edits.rooms),

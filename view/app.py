@@ -10,10 +10,12 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket
 
+from edgemap.geometry.errors import EdgemapError
 from edgemap.view import answers
 from edgemap.view.api import api_routes
 from edgemap.view.guard import Guard
 from edgemap.view.page import LivePage
+from edgemap.view.questions import Refused
 from edgemap.view.updates import ProcessUsage
 from edgemap.view.viewer import Bell, Viewer
 
@@ -48,13 +50,16 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
 
     routes = [Route(path, file) for path in files]
     routes += [*api_routes(page, usage), WebSocketRoute("/api/stream", socket)]
-    return Guard(Starlette(routes=routes, exception_handlers={HTTPException: _refused}), token, cookie)
+    app = Starlette(routes=routes, exception_handlers={HTTPException: _refused, EdgemapError: _refused})
+    return Guard(app, token, cookie)
 
 
 async def _refused(request: Request, error: Exception) -> Response:
     """Response to an error, such as an unknown path or method: JSON for paths below /api/, otherwise text."""
     status, headers = (error.status_code, error.headers) if isinstance(error, HTTPException) else (500, None)
-    text = f"{request.method} {request.url.path[:60]!a} is not in this API" if status in (404, 405) else str(error)
+    text = error.detail if isinstance(error, Refused) else str(error)
+    if status in (404, 405) and not isinstance(error, Refused):
+        text = f"{request.method} {request.url.path[:60]!a} is not in this API"
     if request.url.path.startswith("/api/"):
         return Response(answers.plain({"error": text}), status, headers, media_type="application/json")
     return PlainTextResponse(f"{text}\n", status, headers)

@@ -9,15 +9,18 @@ from msgspec import Meta
 from starlette.requests import Request
 from starlette.responses import Response
 
+from edgemap.geometry.grid.rooms import Door, Room
+from edgemap.geometry.map_object import MapObject, footprint_of
 from edgemap.geometry.objects.annotations import LONGEST_NAME, MAXIMUM_CORNERS
 from edgemap.geometry.objects.events import LARGEST_M, SMALLEST_M, Edit, joined
+from edgemap.geometry.objects.rooms import rooms_of
 from edgemap.runtime.frames.reading import Coordinate
-from edgemap.runtime.step.map_file import pose_record
+from edgemap.runtime.step.map_file import door_record, pose_record, room_record
 from edgemap.runtime.step.map_records import GivenName, Yaw
 from edgemap.runtime.step.mapper import START_SIGMAS
 from edgemap.view import answers
 from edgemap.view.page import LivePage
-from edgemap.view.questions import Nothing, Refused, as_json, body_of, find, named, newest_of, take
+from edgemap.view.questions import Nothing, Refused, as_json, body_of, named, newest_of, object_json, one_of, take
 
 Side = Annotated[float, Meta(ge=SMALLEST_M, le=LARGEST_M)]
 Label = Annotated[str, Meta(min_length=1, max_length=LONGEST_NAME)]
@@ -103,42 +106,40 @@ async def add_object(page: LivePage, request: Request) -> Response:
     identity = await take(page, edit)
     if body.name:
         await take(page, Edit("name", identity, name=body.name))
-    return as_json(find(page, identity), 201)
+    return object_json(page, identity, 201)
 
 
 async def change_object(page: LivePage, request: Request) -> Response:
     """Name an object, confirm it, or correct its class, position, size or facing."""
     body, item = await body_of(request, ObjectRequest), named(page, request)
-    correction = _correction(body, item)
-    if correction is not None:
+    if correction := _correction(body, item):
         await take(page, correction)
     if body.name is not None:
-        await take(page, Edit("name", item["id"], name=body.name))
+        await take(page, Edit("name", item.id, name=body.name))
     if body.confirmed is not None:
-        await take(page, Edit("confirm", item["id"], on=body.confirmed))
-    return as_json(named(page, request))
+        await take(page, Edit("confirm", item.id, on=body.confirmed))
+    return object_json(page, item.id)
 
 
 async def preview_merge(page: LivePage, request: Request) -> Response:
     """Preview of a merge of two objects, without changing the map."""
-    item, into = named(page, request)["id"], request.query_params.get("into", "")
-    if find(page, into)["id"] == item:
-        raise Refused(409, f"{item!r} cannot be merged with itself")
-    by_id = {one.id: one for one in page.objects}
-    return as_json(answers.object_answer(joined([by_id[into], by_id[item]]), newest_of(page)))
+    item, into = named(page, request), one_of(page.objects, request.query_params.get("into", ""), "object")
+    if into.id == item.id:
+        raise Refused(409, f"{item.id!r} cannot be merged with itself")
+    return as_json(answers.object_answer(joined([into, item]), newest_of(page)))
 
 
 async def delete_object(page: LivePage, request: Request) -> Response:
     """Deletes an object permanently."""
-    return as_json({"id": await take(page, Edit("delete", named(page, request)["id"]))})
+    return as_json({"id": await take(page, Edit("delete", named(page, request).id))})
 
 
 async def merge_object(page: LivePage, request: Request) -> Response:
     """Merges two objects."""
     body = await body_of(request, MergeRequest)
-    find(page, body.into)
-    await take(page, Edit("merge", named(page, request)["id"], into=body.into))
-    return as_json(find(page, body.into))
+    one_of(newest_of(page).objects, body.into, "object")
+    await take(page, Edit("merge", named(page, request).id, into=body.into))
+    return object_json(page, body.into)
 
 
 async def restore_object(page: LivePage, request: Request) -> Response:
@@ -151,8 +152,8 @@ async def put_zone(page: LivePage, request: Request) -> Response:
     """Draw a zone, or change one."""
     body, identity = await body_of(request, ZoneRequest), request.path_params.get("id", "")
     zones = page.annotations.zones
-    if identity and identity not in {zone.id for zone in zones}:
-        raise Refused(404, f"no zone {identity[:60]!r}")
+    if identity:
+        one_of(zones, identity, "zone")
     # To a person, and in what names them: keep-out, speed, automations.
     taken = {zone.name.strip().casefold(): zone for zone in zones if zone.id != identity}
     if other := taken.get(body.name.strip().casefold()):
@@ -164,40 +165,30 @@ async def put_zone(page: LivePage, request: Request) -> Response:
 
 async def delete_zone(page: LivePage, request: Request) -> Response:
     """Deletes a zone."""
-    identity = request.path_params["id"]
-    if identity not in {zone.id for zone in page.annotations.zones}:
-        raise Refused(404, f"no zone {identity[:60]!r}")
-    return as_json({"id": await take(page, Edit("undo", identity))})
+    zone = one_of(page.annotations.zones, request.path_params["id"], "zone")
+    return as_json({"id": await take(page, Edit("undo", zone.id))})
 
 
 async def rooms(page: LivePage, request: Request) -> Response:  # noqa: ARG001
     """The rooms."""
-    return as_json((await _areas(page))["rooms"])
+    return as_json([room_record(room) for room in (await _areas(page))[0]])
 
 
 async def doors(page: LivePage, request: Request) -> Response:  # noqa: ARG001
     """The doors between rooms."""
-    return as_json((await _areas(page))["doors"])
+    return as_json([door_record(door) for door in (await _areas(page))[1]])
 
 
 async def name_room(page: LivePage, request: Request) -> Response:
     """Names a room, or takes its name away."""
     body, identity = await body_of(request, RoomRequest), request.path_params["id"]
-    room = _one((await _areas(page))["rooms"], identity)
-    corners_m = tuple((x_m, y_m) for x_m, y_m in room["corners_m"])
-    await take(page, Edit("room", identity, name=body.name, corners_m=corners_m))
-    return as_json(_one((await _areas(page))["rooms"], identity))
+    room = one_of((await _areas(page))[0], identity, "room")
+    await take(page, Edit("room", identity, name=body.name, corners_m=room.corners_m))
+    return as_json(room_record(one_of((await _areas(page))[0], identity, "room")))
 
 
-async def _areas(page: LivePage) -> dict[str, list]:
-    return await asyncio.to_thread(answers.rooms_answer, newest_of(page).objects, page.annotations, page.grid)
-
-
-def _one(rooms: list[dict], identity: str) -> dict:
-    for room in rooms:
-        if room["id"] == identity:
-            return room
-    raise Refused(404, f"no room {identity[:60]!r} on the map")
+async def _areas(page: LivePage) -> tuple[tuple[Room, ...], tuple[Door, ...]]:
+    return await asyncio.to_thread(rooms_of, newest_of(page).objects, page.annotations, page.grid)
 
 
 async def put_pose(page: LivePage, request: Request) -> Response:
@@ -234,15 +225,15 @@ async def delete_dock(page: LivePage, request: Request) -> Response:
     return as_json({"id": await take(page, Edit("undo", "dock"))})
 
 
-def _correction(body: ObjectRequest, item: dict) -> Edit | None:
+def _correction(body: ObjectRequest, item: MapObject) -> Edit | None:
     """What a body corrects of an object, as an edit; None for nothing. Raises Refused."""
     if (body.x_m is None) != (body.y_m is None):
         raise Refused(400, "a position is x_m and y_m together")
     place_m = None if body.x_m is None or body.y_m is None else (body.x_m, body.y_m)
     size_m = None
     if not body.width_m is body.depth_m is body.height_m is None:
-        width_m, depth_m = item["footprint_m"]
-        size_m = (body.width_m or width_m, body.depth_m or depth_m, body.height_m or max(item["height_m"], SMALLEST_M))
+        width_m, depth_m = (round(side, 3) for side in footprint_of(item))
+        size_m = (body.width_m or width_m, body.depth_m or depth_m, body.height_m or max(item.height_m, SMALLEST_M))
     if place_m is size_m is body.yaw_rad is body.label is None:
         return None
-    return Edit("correct", item["id"], label=body.label or "", place_m=place_m, size_m=size_m, yaw_rad=body.yaw_rad)
+    return Edit("correct", item.id, label=body.label or "", place_m=place_m, size_m=size_m, yaw_rad=body.yaw_rad)

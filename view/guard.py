@@ -54,9 +54,6 @@ class Guard:
             return PlainTextResponse(f"{host!r} is not a name of this robot\n", 400)
         if not scope.get("query_string", b"").isascii():  # as RFC 3986 has it; starlette would fail at it
             return PlainTextResponse("the query is not ASCII\n", 400)
-        origin = headers.get("origin")
-        if origin is not None and origin.lower() not in (f"http://{host}".lower(), f"https://{host}".lower()):
-            return PlainTextResponse("requests from other sites are refused\n", 403)
         if _from_another_site(scope, headers):
             return PlainTextResponse("requests from other sites are refused\n", 403)
         if not self._token:
@@ -99,6 +96,9 @@ def _headers(host: str) -> dict[str, str]:
 def _from_another_site(scope: Scope, headers: dict[str, str]) -> bool:
     """Whether another site's page asks: by a script, a picture or a frame. Its links to the page itself may be
     followed. Source: W3C, Fetch Metadata Request Headers; programs that are no browser send none."""
+    origin, host = headers.get("origin", "").lower(), headers["host"].lower()
+    if "origin" in headers and origin not in (f"http://{host}", f"https://{host}"):
+        return True
     if headers.get("sec-fetch-site", "none") in ("none", "same-origin"):
         return False
     followed = headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"

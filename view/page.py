@@ -71,15 +71,6 @@ class Tail(Generic[T]):
 
 
 @dataclass(frozen=True, slots=True)
-class ShownFault:
-    """A fault, and the index of the frame at which it began. reported_s: `time.monotonic`."""
-
-    frame: int
-    fault: Fault
-    reported_s: float
-
-
-@dataclass(frozen=True, slots=True)
 class PageSnapshot:
     """The data of one step that the page keeps: references, no copies. arrived_s: `time.monotonic`."""
 
@@ -126,14 +117,14 @@ class LivePage:
         self.finished = False
         self.trail: Tail[tuple[float, float, float, float]] = Tail(20_000)  # x_m, y_m, stamp_s, 95 % radius in m
         self.sightings: Tail[tuple[str, str, float, float]] = Tail(20_000)
-        self.faults: Tail[ShownFault] = Tail(100)
+        self.faults: Tail[Fault] = Tail(100)  # each with the index of the frame at which it began
         self.events: Tail[ZoneEvent] = Tail(100)
         self._zone_watch = ZoneWatch()
         self._sightings_base: deque[tuple[float, float, float]] = deque(maxlen=20_000)  # stamp_s, x_m, y_m
         self._moved_m = 0.0  # since everything was sent
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
         self._step_ms: deque[float] = deque(maxlen=RATE_OVER)
-        self.last_fault: ShownFault | None = None
+        self.last_fault: tuple[Fault, float] | None = None  # and when it was reported, by `time.monotonic`
         self._fault_frames: dict[FaultKind, int] = {}  # in which each kind was reported last
         self._trail_end: tuple[float, float] | None = None
         self._wake: Callable[[], None] | None = None
@@ -170,9 +161,9 @@ class LivePage:
         frame = self.newest.result.frame.index if self.newest else 0
         lasts = self._fault_frames.get(fault.kind) == frame - 1
         self._fault_frames[fault.kind] = frame
-        self.last_fault = ShownFault(frame, fault, time.monotonic())
+        self.last_fault = fault, time.monotonic()
         if not lasts:
-            self.faults.append(self.last_fault)
+            self.faults.append(replace(fault, frame=frame))
         self._changed()
 
     def close(self) -> None:
@@ -250,12 +241,12 @@ class LivePage:
         sent = self.trail.all()
         if not sent:
             return
-        trail = iter(trajectory.at([stamp_s for _, _, stamp_s, _ in sent])[:, :2].tolist())
-        self.trail.replace(lambda sample: (*_pair(next(trail)), *sample[2:]))
+        trail = iter(trajectory.at([stamp_s for _, _, stamp_s, _ in sent])[:, :2].ravel().tolist())
+        self.trail.replace(lambda sample: (next(trail), next(trail), *sample[2:]))
         if self._sightings_base:
             stamps_s, *base_m = np.array(self._sightings_base).T
-            seen_at = iter(trajectory.points(stamps_s, np.column_stack(base_m)).tolist())
-            self.sightings.replace(lambda items: (*items[:2], *_pair(next(seen_at))))
+            seen_at = iter(trajectory.points(stamps_s, np.column_stack(base_m)).ravel().tolist())
+            self.sightings.replace(lambda items: (*items[:2], next(seen_at), next(seen_at)))
         self.epoch += 1
 
     def _extend_trail(self, result: StepResult) -> None:
@@ -270,8 +261,3 @@ class LivePage:
         wake, self._wake = self._wake, None
         if wake is not None:
             wake()
-
-
-def _pair(place: list[float]) -> tuple[float, float]:
-    x_m, y_m = place
-    return x_m, y_m

@@ -1,14 +1,17 @@
 """Common parts of the API's handlers: JSON bodies, errors, and the page that they query."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Iterable
 from typing import TypeVar
 
 import msgspec
+from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
-from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.grid.rooms import Room
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.view import answers
 from edgemap.view.page import LivePage, PageSnapshot
@@ -18,15 +21,11 @@ BODY_LIMIT_S = 5.0  # for a body to come: one that never does holds a connection
 EDIT_LIMIT_S = 5.0
 
 T = TypeVar("T")
-Answer = Callable[[LivePage, Request], Awaitable[Response]]
+Item = TypeVar("Item", MapObject, Room, Zone)
 
 
-class Refused(Exception):
+class Refused(HTTPException):
     """A request that cannot be answered: HTTP status and one line."""
-
-    def __init__(self, status: int, text: str) -> None:
-        super().__init__(text)
-        self.status = status
 
 
 class Nothing(msgspec.Struct, forbid_unknown_fields=True):
@@ -40,18 +39,23 @@ def newest_of(page: LivePage) -> PageSnapshot:
     return page.newest
 
 
-def named(page: LivePage, request: Request) -> dict:
+def named(page: LivePage, request: Request) -> MapObject:
     """The object that the address names. Raises Refused."""
-    return find(page, request.path_params["id"])
+    return one_of(newest_of(page).objects, request.path_params["id"], "object")
 
 
-def find(page: LivePage, identity: str) -> dict:
-    """An object by its id. Raises Refused."""
-    snapshot = newest_of(page)
-    for item in snapshot.objects:
+def one_of(items: Iterable[Item], identity: str, kind: str) -> Item:
+    """An object, a room or a zone by its id. Raises Refused."""
+    for item in items:
         if item.id == identity:
-            return answers.object_answer(item, snapshot)
-    raise Refused(404, f"no object {identity[:60]!r} on the map")
+            return item
+    raise Refused(404, f"no {kind} {identity[:60]!r} on the map")
+
+
+def object_json(page: LivePage, identity: str, status: int = 200) -> Response:
+    """An object as JSON. Raises Refused."""
+    snapshot = newest_of(page)
+    return as_json(answers.object_answer(one_of(snapshot.objects, identity, "object"), snapshot), status)
 
 
 async def take(page: LivePage, edit: Edit) -> str:
@@ -69,20 +73,6 @@ async def take(page: LivePage, edit: Edit) -> str:
 def as_json(value: object, status: int = 200) -> Response:
     """A JSON answer."""
     return Response(answers.plain(value), status, media_type="application/json")
-
-
-def guarded(page: LivePage, answer: Answer) -> Callable[[Request], Awaitable[Response]]:
-    """The answer for one page, or its failure as JSON."""
-
-    async def answered(request: Request) -> Response:
-        try:
-            return await answer(page, request)
-        except Refused as refused:
-            return as_json({"error": str(refused)}, refused.status)
-        except EdgemapError as error:
-            return as_json({"error": str(error)}, 500)
-
-    return answered
 
 
 async def body_of(request: Request, kind: type[T]) -> T:

@@ -6,7 +6,7 @@ import ipaddress
 import secrets
 import socket
 import threading
-from collections.abc import Callable
+from os import strerror
 from typing import Any
 
 import uvicorn
@@ -24,19 +24,12 @@ class ViewError(EdgemapError):
 
 class PageServer:
     """Serves a page until `close`. host: a name or address of this machine; beyond loopback a token is required. port:
-    0 for any free one. report: called with one line when the server fails; the run continues. Raises ViewError, one
-    line, where the address cannot be bound.
+    0 for any free one. The run continues where the server fails. Raises ViewError, one line, where the address cannot
+    be bound.
     """
 
-    def __init__(
-        self,
-        page: LivePage,
-        host: str,
-        port: int,
-        report: Callable[[str], None] = print_message,
-    ) -> None:
+    def __init__(self, page: LivePage, host: str, port: int) -> None:
         self._socket, self.page = _bind(host, port), page
-        self._report = report
         address, self.port = self._socket.getsockname()[:2]
         self.token = "" if ipaddress.ip_address(address).is_loopback else secrets.token_urlsafe(16)
         shown = reachable(address)
@@ -66,26 +59,22 @@ class PageServer:
         except BaseException as error:  # whatever it is, the map is worth more than the page
             why = f"{type(error).__name__}: {error}"
         if not self._server.should_exit:
-            self._report(f"the live page is gone ({why}); the run goes on")
+            print_message(f"the live page is gone ({why}); the run goes on")
 
 
 def _bind(host: str, port: int) -> socket.socket:
     if not 0 <= port <= 65535:
         raise ViewError(f"--view {host}:{port}: the port must be 0 to 65535")
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except (socket.gaierror, UnicodeError):
         raise ViewError(f"--view {host!r}: not a name or address of this machine") from None
-    bound = socket.socket(family, kind, protocol)
-    bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    both = family == socket.AF_INET6 and socket.has_dualstack_ipv6()  # `::` serves IPv4 as well
     try:
-        bound.bind(address)
-        bound.listen()
+        return socket.create_server(address, family=family, dualstack_ipv6=both)
     except OSError as error:
-        bound.close()
         other = "; choose another --view HOST:PORT, or port 0 for any free one"
-        raise ViewError(f"the live page cannot have {host}:{port} ({error.strerror}){other}") from None
-    return bound
+        raise ViewError(f"the live page cannot have {host}:{port} ({strerror(error.errno or 0)}){other}") from None
 
 
 def reachable(address: str) -> str:

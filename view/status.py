@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.step.slam import StepResult
 from edgemap.view.page import LivePage
 
@@ -53,13 +52,10 @@ def problems(page: LivePage) -> list[Alert]:
     if page.searching():
         text = "Looking for the robot's place in the saved map. Until it is found, this map stands alone."
         alerts.append(Alert("degraded", "pose", text))
-    last = page.last_fault
-    if (
-        last is not None
-        and time.monotonic() - last.reported_s < NEWS_S
-        and last.fault.kind not in _shown(snapshot.result)
-    ):
-        alerts.append(Alert("degraded", "report", _sentence(last.fault.text)))
+    health, (last, reported_s) = snapshot.result.health, page.last_fault or (None, 0.0)
+    shown = {fault.kind for fault in (*snapshot.result.motion.faults, health.blindness) if fault}  # by `_of_step`
+    if last and time.monotonic() - reported_s < NEWS_S and last.kind not in shown:
+        alerts.append(Alert("degraded", "report", _sentence(last.text)))
     return sorted(alerts, key=lambda problem: problem.level != "fault")
 
 
@@ -80,12 +76,6 @@ def pose_sigma(result: StepResult) -> tuple[float, float]:
         math.sqrt(max(0.0, float(np.trace(covariance[:2, :2])) / 2.0)),
         math.sqrt(max(0.0, float(covariance[2, 2]))),
     )
-
-
-def _shown(result: StepResult) -> set[FaultKind]:
-    """The faults that `_of_step` shows already."""
-    blindness = result.health.blindness
-    return {fault.kind for fault in (*result.motion.faults, *([blindness] if blindness else []))}
 
 
 def _of_step(page: LivePage, result: StepResult) -> list[Alert]:

@@ -95,16 +95,13 @@ class Viewer:
                 return
             except RecursionError:  # a field that nobody knows, nested too deeply to be skipped
                 continue
-            self._answer(ask)
+            if ask.do == "shown":
+                self._in_flight = max(0, self._in_flight - 1)
+            elif ask.do == "stream":
+                self._streams = ask.on
+            else:
+                self._cursor.want_sightings(ask.on)
             self._make_room()
-
-    def _answer(self, ask: Ask) -> None:
-        if ask.do == "shown":
-            self._in_flight = max(0, self._in_flight - 1)
-        elif ask.do == "stream":
-            self._streams = ask.on
-        else:
-            self._cursor.want_sightings(ask.on)
 
     def _make_room(self) -> None:
         if self._streams and self._in_flight < IN_FLIGHT:

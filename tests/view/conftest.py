@@ -29,10 +29,9 @@ class Served:
         from edgemap.view.server import PageServer
 
         self.steps = Steps()
-        self.items = []
         self.stepping = threading.Lock()
         self.page = LivePage(ABOUT | {"live": live}, folder, None if live else Pause())
-        self.server = PageServer(self.page, host, port, self.items.append)
+        self.server = PageServer(self.page, host, port)
         self._over = threading.Event()
         threading.Thread(target=self._take_edits, daemon=True).start()
         self.port, self.token = self.server.port, self.server.token

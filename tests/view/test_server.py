@@ -310,10 +310,12 @@ def test_a_server_that_dies_says_so_in_one_line(serve, monkeypatch):
     def die(self, sockets=None):
         raise OSError("too many open files")
 
+    printed = []
     monkeypatch.setattr(uvicorn.Server, "run", die)
+    monkeypatch.setattr("edgemap.view.server.print_message", printed.append)
     served = serve()
-    wait_for(lambda: served.items, "the server's end")
-    assert served.items == ["the live page is gone (OSError: too many open files); the run goes on"]
+    wait_for(lambda: printed, "the server's end")
+    assert printed == ["the live page is gone (OSError: too many open files); the run goes on"]
     served.step(2)
 
 

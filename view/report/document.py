@@ -54,6 +54,8 @@ def report_document(content: ReportContent) -> dict[str, Any]:
     labels = {item.label for item in objects} | {row.label for row in content.rows}
     marks = {label: asdict(label_mark(label)) for label in labels}
     trail, verdict = content.history.trail(), verdict_or_none(content.record, list(content.objects))
+    findings = verdict.findings if verdict else ()
+    reasons = [{"text": finding.text, "remedy": finding.cause.remedy} for finding in findings]
     return {
         "about": content.about | {"live": False, "marks": content.about["marks"] | marks},
         "update": _update(content, objects, trail, verdict),
@@ -61,7 +63,7 @@ def report_document(content: ReportContent) -> dict[str, Any]:
         "run": _figures(content)
         | _times(content)
         | {
-            "verdict": verdict and _reasons(verdict),
+            "verdict": verdict and {"level": verdict.level, "title": TITLES[verdict.level], "reasons": reasons},
             "replay": _replay(content.history),
             "truth": _truth(content, trail),
             "mount": data_uri(content.mount_jpeg) if content.mount_jpeg else "",
@@ -111,14 +113,9 @@ def _fault(fault: Fault) -> dict[str, str]:
     return {"kind": fault.kind, "text": fault.line, "remedy": cause.remedy if cause else ""}
 
 
-def _reasons(verdict: Verdict) -> dict[str, Any]:
-    """How far the map can be trusted, why, and what to do."""
-    reasons = [{"text": finding.text, "remedy": finding.cause.remedy} for finding in verdict.findings]
-    return {"level": verdict.level, "title": TITLES[verdict.level], "reasons": reasons}
-
-
 def _replay(history: History) -> list[dict[str, Any]]:
     """The pictures of the drive with their boxes, the time since its start and the robot's pose."""
+    poses = history.poses([still.stamp_s for still in history.stills])
     return [
         {
             "frame": still.frame,
@@ -127,7 +124,7 @@ def _replay(history: History) -> list[dict[str, Any]]:
             "boxes": still.boxes,
             "jpeg": data_uri(still.jpeg),
         }
-        for still, pose in zip(history.stills, history.still_poses(), strict=True)
+        for still, pose in zip(history.stills, poses, strict=True)
     ]
 
 

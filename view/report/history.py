@@ -6,7 +6,6 @@ from typing import Any
 
 from edgemap.geometry.map_object import ellipse_95
 from edgemap.runtime.frames.frame import jpeg
-from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 from edgemap.view.answers import boxes
 from edgemap.view.report.crops import small
@@ -97,16 +96,15 @@ class History:
             return []
         last = (self.last.frame.stamp_s, ellipse_95(self.last.pose_covariance)[0])
         bounds = self._bounds if self._bounds[-1] == last else [*self._bounds, last]
-        journal: PoseJournal = self.last.trajectory
-        poses, scale = journal.at([stamp_s for stamp_s, _ in bounds]).tolist(), self.last.scale
+        poses = self.poses([stamp_s for stamp_s, _ in bounds])
         return [
-            (scale * x_m, scale * y_m, stamp_s, scale * bound_m)
+            (x_m, y_m, stamp_s, self.last.scale * bound_m)
             for (x_m, y_m, _), (stamp_s, bound_m) in zip(poses, bounds, strict=True)
         ]
 
-    def still_poses(self) -> list[list[float]]:
-        """x, y and yaw in the map frame at each still, with all corrections so far."""
+    def poses(self, stamps_s: list[float]) -> list[list[float]]:
+        """x, y and yaw in the map frame at these stamps, with all corrections so far; none before the first step."""
         if self.last is None:
             return []
-        rows, scale = self.last.trajectory.at([still.stamp_s for still in self.stills]).tolist(), self.last.scale
+        rows, scale = self.last.trajectory.at(stamps_s).tolist(), self.last.scale
         return [[scale * x_m, scale * y_m, yaw_rad] for x_m, y_m, yaw_rad in rows]
