@@ -132,7 +132,7 @@ def command(
 
 def _calibrate(loaded: "Bundle", pictures: "list[ScoredPicture]") -> dict[str, float]:
     """Writes the scores at which boxes count fully into the bundle, or FILE.bundle.json beside FILE.onnx; all under "".
-    Raises UsageError for a bundle of the package, and OSError."""
+    Raises UsageError for a bundle of the package, and DiskError."""
     import msgspec
 
     from edgemap.evaluation.detection import break_even_scores

@@ -6,6 +6,7 @@ from pathlib import Path, PurePosixPath
 
 import msgspec
 
+from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.limits import FILE_BYTES
 from edgemap.runtime.frames.reading import decode_json, one_line, read_bytes
@@ -77,9 +78,9 @@ def check_shapes(path: Path, manifest: Manifest) -> None:
 
 
 def write_manifest(folder: Path, manifest: Manifest, name: str = MANIFEST_NAME) -> None:
-    """Writes `bundle.json`, or a file of another name, indented. Raises OSError."""
+    """Writes `bundle.json`, or a file of another name, indented. Raises DiskError."""
     text = msgspec.json.format(msgspec.json.encode(manifest), indent=2)
-    (folder / name).write_bytes(text + b"\n")
+    write_atomically(folder / name, text + b"\n")
 
 
 def _inside(folder: Path, name: str) -> Path:
