@@ -152,10 +152,7 @@ def test_where_none_is_clearly_better_pictures_stay():
 BENT = Distortion("brown_conrady", (-0.1, 0.03, 0.0005, -0.0004, 0.0))
 
 
-@pytest.mark.parametrize(
-    ("pitch_deg", "roll_deg", "distortion"),
-    [(24.0, -4.0, Distortion()), (-3.0, 2.5, BENT)],
-)
+@pytest.mark.parametrize(("pitch_deg", "roll_deg", "distortion"), [(24.0, -4.0, Distortion()), (-3.0, 2.5, BENT)])
 def test_rendered_rooms(pitch_deg, roll_deg, distortion):
     lens = Intrinsics(640, 480, 480.0, 482.0, 318.0, 241.0, distortion)
     mount = Mount.from_degrees(0.6, pitch_deg, roll_deg)

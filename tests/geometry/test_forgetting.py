@@ -8,13 +8,7 @@ from support.seen import CAMERA, box_of, look
 
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter
-from edgemap.geometry.objects.visibility import (
-    ViewRule,
-    expected_boxes,
-    floor_in_place,
-    in_plain_view,
-    iou,
-)
+from edgemap.geometry.objects.visibility import ViewRule, expected_boxes, floor_in_place, in_plain_view, iou
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of

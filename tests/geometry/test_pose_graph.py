@@ -13,11 +13,7 @@ from edgemap.geometry.arrays import inverse
 from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.geometry.slam import least_squares as graph
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
-from edgemap.geometry.slam.least_squares import (
-    ObservationFactors,
-    OdometryFactors,
-    Problem,
-)
+from edgemap.geometry.slam.least_squares import ObservationFactors, OdometryFactors, Problem
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 FIXED = np.eye(3) * 1e8

@@ -83,10 +83,7 @@ def test_what_is_no_file_or_no_document_is_told_in_one_line(tmp_path):
 
 @pytest.mark.parametrize(
     ("tree", "kind"),
-    [
-        ({"health": {"sharp": 9.0}}, "blurred"),
-        ({"odometry": {"pictures": {"least_weight": 1e6}}}, "odometry"),
-    ],
+    [({"health": {"sharp": 9.0}}, "blurred"), ({"odometry": {"pictures": {"least_weight": 1e6}}}, "odometry")],
 )
 def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, kind):
     config = load_config(written(tmp_path, {"config": {"attitude": {"check": {"tilt": {"nod": 2e-4}}}, **tree}}))

@@ -138,10 +138,7 @@ def test_a_camera_that_looks_straight_down_by_tf_has_a_mount_or_none():
 
 def test_a_topic_of_two_kinds_is_refused(tmp_path):
     """What is read of its messages follows from the kind that the topic has."""
-    messages = [
-        ("/image", "sensor_msgs/msg/Image", 1, picture()),
-        ("/image", "std_msgs/msg/Float64", 2, {"data": 1.0}),
-    ]
+    messages = [("/image", "sensor_msgs/msg/Image", 1, picture()), ("/image", "std_msgs/msg/Float64", 2, {"data": 1.0})]
     with pytest.raises(CameraError, match=r"a\.mcap: /image is \S+ and \S+; a topic has one kind"):
         drain(RecordingCamera(str(bag(tmp_path / "a.mcap", messages))))
 

@@ -136,10 +136,7 @@ def test_reads_that_raise_and_return_anything_are_faults_and_come_to_an_end():
         read_all(CheckedCamera(Theirs(["text"] * 5 * FAILURES), "lab"))
 
 
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("size", None), ("size", (0, 5)), ("size", "ab")],
-)
+@pytest.mark.parametrize(("field", "value"), [("size", None), ("size", (0, 5)), ("size", "ab")])
 def test_a_camera_that_does_not_know_what_it_is_is_one_line(field, value):
     with pytest.raises(CameraError, match=field):
         CheckedCamera(Theirs([], **{field: value}), "lab")

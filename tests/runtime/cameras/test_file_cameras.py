@@ -54,12 +54,7 @@ def test_a_video_gives_every_frame_with_its_time(tmp_path):
     with open_camera(str(write_video(tmp_path / "v.mp4"))) as camera:
         assert isinstance(camera, Camera)
         info = camera.info
-        assert (info.size, info.rate_hz, info.frame_count, info.live) == (
-            (64, 48),
-            10.0,
-            20,
-            False,
-        )
+        assert (info.size, info.rate_hz, info.frame_count, info.live) == ((64, 48), 10.0, 20, False)
         frames = drain(camera)
     np.testing.assert_allclose([frame.image.mean() for frame in frames], 10 * np.arange(20), atol=4)
     np.testing.assert_allclose([frame.stamp_s for frame in frames], np.arange(20) / 10, atol=1e-3)
