@@ -138,9 +138,8 @@ def test_points_stand_where_mount_and_lens_project_them(draw, lens):
         marker = sheet(2.0, left - half, left + half, up - half, up + half)
         parts += lit(n, marker.placed(POSE.x_m, POSE.y_m, 0.0, POSE.yaw_rad))
     frame = draw(parts, intrinsics=lens).frame(View.of_base(POSE, TILTED))
-    optical = (
-        np.column_stack([np.full(len(y), 2.0), y, z]) - TILTED.position_base_m()
-    ) @ TILTED.rotation_base_optical()
+    from_lens = np.column_stack([np.full(len(y), 2.0), y, z]) - TILTED.position_base_m()
+    optical = from_lens @ TILTED.rotation_base_optical()
     expected = lens.project(optical)
     inside = (expected > 8).all(axis=1) & (expected < [310, 230]).all(axis=1)
     assert inside.sum() > 12
