@@ -13,9 +13,7 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CalibrationError
 
-LENS = Intrinsics(
-    640, 480, 520.0, 523.0, 315.0, 243.0, Distortion("brown_conrady", (-0.12, 0.05, 0.0008, -0.0005, 0.0))
-)
+LENS = Intrinsics(640, 480, 520.0, 523.0, 315.0, 243.0, Distortion("brown_conrady", (-0.12, 0.05, 8e-4, -5e-4, 0.0)))
 MOUNT = Mount.from_degrees(0.52, 17.0, -1.8)
 BOARD = Board(9, 6, 0.025)
 TILE = Board(9, 6, 0.06)

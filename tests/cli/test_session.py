@@ -59,10 +59,8 @@ def test_strict_raises_the_first_fault(painted_bundle, pictures):
 def test_what_a_source_does_not_bring_is_guessed_as_by_the_command(painted_bundle, pictures, tmp_path, mount, height_m):
     (pictures / "camera.yaml").unlink()
     given = () if mount is None else ("--mount", str(mount).strip("()").replace(" ", ""))
-    with (
-        pytest.warns(GuessWarning, match="guessed from 12 pictures: focal length 51") as warned,
-        edgemap_api.open(camera=pictures, bundle=painted_bundle, mount=mount) as session,
-    ):
+    opened, told = {"camera": pictures, "bundle": painted_bundle}, "guessed from 12 pictures: focal length 51"
+    with pytest.warns(GuessWarning, match=told) as warned, edgemap_api.open(**opened, mount=mount) as session:
         list(session)
     guess = cast(GuessWarning, warned[0].message).guess
     assert (guess.height_sigma == 0.0) == (height_m is not None)
@@ -196,6 +194,9 @@ def test_only_the_classes_asked_for_are_mapped_and_a_lens_of_another_size_is_war
     with edgemap_api.open(**options, classes=["couch"]) as session:
         list(session)
     assert session.map == []
+    with edgemap_api.open(**options, classes=["person"]) as session:
+        list(session)
+    assert [item.label for item in session.map] == ["person"]  # mapped where it is named
     with pytest.raises(EdgemapError, match="classes unicorn: the bundle knows chair, couch, person"):
         edgemap_api.open(**options, classes=["unicorn"])
     half = [picture[:32, :32] for picture in noise(1)]
@@ -214,10 +215,7 @@ def test_only_the_classes_asked_for_are_mapped_and_a_lens_of_another_size_is_war
         ({"camera": "demo", "mount": 60}, "a lens 60 m above the floor"),
         ({"frames": 5}, "frames=5: expected pictures"),
         ({"frames": noise(2), "intrinsics": (50.0, 50.0), "mount": MOUNT}, "expected four numbers"),
-        (
-            {"frames": noise(2), "intrinsics": (31.5, 31.5, 500.0, 500.0), "mount": MOUNT},
-            "500,500 is outside the picture",
-        ),
+        ({"frames": noise(2), "intrinsics": (31.5, 31.5, 500, 500), "mount": MOUNT}, "500,500 is outside the picture"),
         ({"frames": [], "intrinsics": LENS, "mount": MOUNT}, "frames= has no picture"),
         ({"frames": [np.zeros((8, 8))], "intrinsics": LENS, "mount": MOUNT}, r"is float64 \(8, 8\), expected a BGR"),
         ({"frames": noise(2), "camera": "demo"}, "camera= or frames=, not both"),

@@ -48,9 +48,8 @@ def little_yolox(path, classes=3, size=64, opset=11, rows=None, batch=1, sides_p
     nodes.append(helper.make_node("Concat", parts, ["all"], axis=2))
     nodes.append(helper.make_node("Transpose", ["all"], ["raw"], perm=[0, 2, 1]))
     nodes.append(helper.make_node("Add", ["raw", "sides"], ["output"]))
-    weights.append(
-        numpy_helper.from_array(np.array([0, 0, sides_px, sides_px] + [0] * (1 + classes), np.float32), "sides")
-    )
+    sides = np.array([0, 0, sides_px, sides_px] + [0] * (1 + classes), np.float32)
+    weights.append(numpy_helper.from_array(sides, "sides"))
     total = rows or sum((size // stride) ** 2 for stride in (8, 16, 32))
     graph = helper.make_graph(
         nodes,
@@ -141,9 +140,8 @@ def test_heads_are_scores_and_bins_of_the_file(file):
     assert not {"Div", "Clip"} & set(kinds)
     picture = np.random.default_rng(0).standard_normal((1, 3, 416, 416)).astype(np.float32)
     whole = ort.InferenceSession(file, providers=["CPUExecutionProvider"]).run(None, {"image": picture})
-    ours = ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"]).run(
-        None, {"image": picture}
-    )
+    session = ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
+    ours = session.run(None, {"image": picture})
     for head, scores, bins in zip(ours, whole[:4], whole[4:], strict=True):
         rows = np.asarray(head)[0].reshape(112, -1).T
         np.testing.assert_allclose(1.0 / (1.0 + np.exp(-rows[:, :80])), np.asarray(scores)[0], atol=1e-5)

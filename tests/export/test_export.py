@@ -22,22 +22,15 @@ from edgemap.runtime.network.store import bundle_folder, install_folder
 def test_manifest_of_a_small_network(small):
     manifest = read_manifest(small)
     detector, head = manifest.detector, manifest.odometry["paper"]
-    assert (manifest.name, detector.decode, detector.input.resize, detector.input.pad) == (
-        "small",
-        "yolov3",
-        "stretch",  # its cfg has the fork's scale_x_y
-        127,
-    )
+    stated = manifest.name, detector.decode, detector.input.resize, detector.input.pad
+    assert stated == ("small", "yolov3", "stretch", 127)  # its cfg has the fork's scale_x_y
     assert (detector.input.colour, detector.input.scale, detector.input.width) == ("rgb", 1.0, 32)
     (only,) = detector.heads
     assert (only.shape, only.strides, only.anchors, only.scale_xy) == ((1, 7, 4, 4), (8,), ((10.0, 12.0),), 1.05)
     assert [(f.name, f.shape, f.stride) for f in detector.features] == [(only.name, (1, 7, 4, 4), 8)]
     assert [entry.name for entry in detector.classes] == ["class 0", "class 1"]
-    assert (head.feature, head.trained, head.parameters) == (
-        only.name,
-        False,
-        random_head((1, 7, 4, 4)).parameters_count,
-    )
+    parameters = random_head((1, 7, 4, 4)).parameters_count
+    assert (head.feature, head.trained, head.parameters) == (only.name, False, parameters)
     assert set(manifest.sha256) == {"backbone.onnx", "odometry.paper.onnx"}
     assert manifest.measured["weights"]["float32_values"] == 659
     assert manifest.measured["weights"]["pictures_seen"] == 77

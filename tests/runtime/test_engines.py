@@ -131,9 +131,7 @@ def test_blas_computes_on_one_thread_once_a_bundle_is_loaded():
 
 
 def test_a_network_that_fails_as_it_runs_is_the_bundles_failure(tmp_path):
-    onnx = pytest.importorskip("onnx")
-    helper = onnx.helper
-    kinds = onnx.TensorProto
+    helper, kinds = onnx.helper, onnx.TensorProto
     values = (("x", kinds.FLOAT, (1, 4)), ("shape", kinds.INT64, (2,)), ("y", kinds.FLOAT, (None, None)))
     *given, made = (helper.make_tensor_value_info(*value) for value in values)
     graph = helper.make_graph([helper.make_node("Reshape", ["x", "shape"], ["y"])], "g", given, [made])
@@ -210,9 +208,8 @@ def test_at_a_cameras_pace_no_step_waits_and_a_replay_of_its_marks_gives_the_sam
     replay = slam_of(replace(bundle, companion=bundle), POSES)
     for result in results:
         again = replay.step(result.frame)
-        assert [one.position_map_m.tolist() for one in again.sightings] == [
-            one.position_map_m.tolist() for one in result.sightings
-        ]
+        places = [[one.position_map_m.tolist() for one in step.sightings] for step in (again, result)]
+        assert places[0] == places[1]
 
 
 ENGINES = ["onnxruntime", "openvino"]

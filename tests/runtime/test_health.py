@@ -209,9 +209,7 @@ def test_at_rest_no_network_runs_nothing_is_counted_and_the_first_motion_is_comp
     for frame in moving[:17]:
         sleepy.step(frame)
         awake.step(frame)
-    standing = [
-        replace(moving[16], stamp_s=1.7 + index / 10, image=noisy(pictures[16], 3.0, index)) for index in range(40)
-    ]
+    standing = [replace(moving[16], stamp_s=1.7 + row / 10, image=noisy(pictures[16], 3.0, row)) for row in range(40)]
     results = [sleepy.step(frame) for frame in standing]
     resting = [result for result in results if result.observed.at_rest]
     counted = sum(item.count for item in sleepy.objects())

@@ -31,10 +31,8 @@ def test_it_shows_what_the_robot_sees_and_asks_nobody_else(watched):
     served, tab = watched(5)
     tab.until("document.querySelectorAll('#objects li').length === 2")
     assert tab.value("[...document.querySelectorAll('#objects li')].map(li => li.dataset.id)") == ["chair-1", "couch-1"]
-    assert (
-        tab.value("document.getElementById('caption').textContent")
-        == "frame 5 of 100, 0.4 s3 in view, 2 on the floor; metres from the robot"
-    )
+    caption = tab.value("document.getElementById('caption').textContent")
+    assert caption == "frame 5 of 100, 0.4 s3 in view, 2 on the floor; metres from the robot"
     assert tab.value("document.getElementById('state').textContent") == "running"
     stages = tab.value("[...document.querySelectorAll('#stages th')].map(cell => cell.textContent)")
     assert stages == ["preprocess", "backbone", "closure", "map", "grid", "relocalisation"]
@@ -235,9 +233,8 @@ def test_what_is_wrong_stands_first_in_words(watched):
     served.page.camera_state = lambda: "lost"
     served.fault("window odometry: 3 corners on the floor")
     tab.until(f"{headline} === 'The camera is lost. The map so far is saved.'")
-    assert tab.value("[...document.querySelectorAll('#problems li')].map(li => li.textContent)") == [
-        "Odometry: window odometry: 3 corners on the floor."
-    ]
+    problems = tab.value("[...document.querySelectorAll('#problems li')].map(li => li.textContent)")
+    assert problems == ["Odometry: window odometry: 3 corners on the floor."]
     assert tab.value("document.getElementById('status').dataset.level") == "fault"
     assert tab.value("document.getElementById('status').getBoundingClientRect().top") == 0
     assert tab.value("document.body.firstElementChild.id") == "status"
@@ -288,10 +285,8 @@ def test_fit_shows_all_of_a_large_map(serve, look):
     served = serve()
     served.step(12)
     result, objects = served.steps.next()
-    far = [
-        replace(objects[0], id=f"chair-{n}", position_m=np.array(at))
-        for n, at in enumerate([(300.0, 20.0), (-5.0, -80.0)], 5)
-    ]
+    places = (300.0, 20.0), (-5.0, -80.0)
+    far = [replace(objects[0], id=f"chair-{n}", position_m=np.array(at)) for n, at in enumerate(places, 5)]
     served.page.write(result, [*objects, *far])
     for width, height in ((1440, 900), (390, 844)):
         tab = look(served, width=width, height=height)
@@ -299,7 +294,7 @@ def test_fit_shows_all_of_a_large_map(serve, look):
         away = "(({now, goal}) => Math.abs(goal.x - now.x) + Math.abs(goal.y - now.y) < .1 && now.scale < 5)"
         tab.until(f"{away}(edgemap.map.view)")
         size = tab.value("(map => [map.clientWidth, map.clientHeight])(document.getElementById('map'))")
-        for at in ((300.0, 20.0), (-5.0, -80.0), (0.0, 0.0)):
+        for at in (*places, (0.0, 0.0)):
             left, top = tab.value(f"edgemap.map.view.toScreen({at[0]}, {at[1]})")
             assert 20 <= left <= size[0] - 20, at
             assert 50 <= top <= size[1] - 30, at

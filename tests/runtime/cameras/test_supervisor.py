@@ -14,14 +14,8 @@ from support.waiting import wait_for
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import RecoveryRule
-from edgemap.runtime.frames.errors import (
-    CameraError,
-    CameraFault,
-    CameraLostError,
-    CameraState,
-    FaultKind,
-    FrameTimeout,
-)
+from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraLostError, CameraState, FrameTimeout
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.webcam import StreamDriver
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
@@ -299,8 +293,7 @@ def test_rtsp_delivers_the_pictures_that_were_served():
 def test_no_stream_is_one_line_without_the_password():
     with MjpegServer() as server:
         port = server.port
-    with pytest.raises(
-        CameraError, match=rf"^http://\*\*\*@127\.0\.0\.1:{port}/x: no stream that FFmpeg reads"
-    ) as caught:
+    told = rf"^http://\*\*\*@127\.0\.0\.1:{port}/x: no stream that FFmpeg reads"
+    with pytest.raises(CameraError, match=told) as caught:
         open_camera(f"http://user:secret@127.0.0.1:{port}/x")
     assert "secret" not in str(caught.value)

@@ -30,10 +30,8 @@ from edgemap.view.report.sink import ReportFile
 
 FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 SCENERY = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
-ROWS = [
-    EvaluationRow("found", "chair", "chair-1", (5.0, -0.9), 0.25, True, ((4, -1), (6, -1), (6, 0))),
-    EvaluationRow("missed", "bed", None, (1.0, 2.0)),
-]
+FOUND = EvaluationRow("found", "chair", "chair-1", (5.0, -0.9), 0.25, True, ((4, -1), (6, -1), (6, 0)))
+ROWS = [FOUND, EvaluationRow("missed", "bed", None, (1.0, 2.0))]
 PHONE = {"width": 390, "height": 844}
 
 
