@@ -103,9 +103,7 @@ def test_failed_parity_of_the_final_state_alone_is_seen(tmp_path, small_cfg, sma
 
 
 @pytest.mark.usefixtures("traced_once")
-def test_a_failed_export_keeps_the_older_bundle_and_a_good_one_replaces_it(
-    small, small_cfg, small_weights, monkeypatch
-):
+def test_a_failed_export_keeps_the_bundle_and_a_good_one_replaces_it(small, small_cfg, small_weights, monkeypatch):
     before = sha256_file(small / "bundle.json")
     with monkeypatch.context() as patch:
         patch.setattr(parity, "RELATIVE_TOLERANCE", 0.0)
@@ -155,9 +153,7 @@ def test_a_trained_head_brings_its_facts_along(tmp_path, small_cfg, small_weight
 
 
 @pytest.mark.usefixtures("traced_once")
-def test_a_bundle_of_an_own_network_has_the_name_of_its_folder_on_the_robot_too(
-    tmp_path, small_cfg, small_weights, monkeypatch
-):
+def test_an_own_networks_bundle_has_its_folders_name_on_the_robot_too(tmp_path, small_cfg, small_weights, monkeypatch):
     monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
     made = export_backbone(str(small_cfg), tmp_path / "my-bundle", weights=small_weights)
     installed = install_folder(made)

@@ -242,11 +242,9 @@ def test_boxes_are_those_of_the_whole_input(pictures, engine):
         assert np.median(np.abs(own_boxes.boxes - boxes.boxes)) < 0.5
 
 
-@pytest.mark.parametrize(
-    ("size", "rows"), [((640, 480), 320), ((1280, 720), 256), ((480, 640), 416), ((416, 416), 416)]
-)
-def test_rows_follow_the_shape_of_the_pictures(size, rows):
-    bundle = load_bundle(NANO, 1).for_pictures(*size)
+@pytest.mark.parametrize(("w", "h", "rows"), [(640, 480, 320), (1280, 720, 256), (480, 640, 416), (416, 416, 416)])
+def test_rows_follow_the_shape_of_the_pictures(w, h, rows):
+    bundle = load_bundle(NANO, 1).for_pictures(w, h)
     assert bundle.backbone.inputs["image"] == (1, 3, rows, 416)
 
 

@@ -155,10 +155,10 @@ def test_a_camera_that_is_covered_in_part_counts_less_than_wheels():
     assert moved[0.7] == pytest.approx(0.07, abs=0.001)
 
 
-@pytest.mark.parametrize(
-    ("answers", "still"),
-    [((True, False), False), ((True, None), True), ((None, None), None), ((True, True), True), ((False, None), False)],
-)
+ANSWERS = {(True, False): False, (True, None): True, (None, None): None, (True, True): True, (False, None): False}
+
+
+@pytest.mark.parametrize(("answers", "still"), ANSWERS.items())
 def test_it_stands_still_where_every_source_that_measures_rest_reports_it(answers, still):
     sources = {}
     for name, answer in zip(("camera", "wheels"), answers, strict=True):

@@ -142,9 +142,7 @@ def test_a_gyro_or_accelerometer_that_lies_is_named(turn: Array, late_s: float, 
 
 @pytest.mark.parametrize(("scale", "wrong"), [(0.2, True), (0.5, True), (1.05, False), (2.0, True), (5.0, True)])
 @pytest.mark.parametrize("table", [False, True])
-def test_a_scale_of_depth_is_named_and_a_table_that_looks_like_floor_is_none(
-    scale: float, wrong: bool, table: bool
-) -> None:
+def test_a_scale_of_depth_is_named_and_a_table_like_floor_is_none(scale: float, wrong: bool, table: bool) -> None:
     lens = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
     camera, judge = FloorCamera(lens, MOUNT), DepthScale(MOUNT.height_m, 0.25)
     v, u = np.mgrid[0:480, 0:640]

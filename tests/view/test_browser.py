@@ -81,8 +81,7 @@ def test_a_hidden_tab_gets_nothing_until_it_is_seen_again(serve, look, browser):
 
 
 def test_it_comes_back_by_itself_after_the_robot_was_restarted(serve, look):
-    first = serve()
-    first.step(5)
+    first = serve(steps=5)
     tab = look(first)
     tab.until("edgemap.frame === 4")
     tab.click("sightings")
@@ -98,8 +97,7 @@ def test_it_comes_back_by_itself_after_the_robot_was_restarted(serve, look):
 
 
 def test_pause_holds_the_run_for_all_and_resumes(serve, look):
-    served = serve()
-    served.step(2)
+    served = serve(steps=2)
     one, other = look(served), look(served)
     one.click("pause")
     other.until("edgemap.state === 'paused'")
@@ -250,8 +248,7 @@ def tap(tab, left, top):
 
 
 def test_an_object_is_picked_on_the_map_and_in_the_list(serve, look):
-    served = serve()
-    served.step(12)
+    served = serve(steps=12)
     served.page.crops.consider(served.page.newest.result)
     tab = look(served)
     tab.until("edgemap.frame === 11 && document.querySelectorAll('#objects li').length === 2 && !edgemap.map.asked")
@@ -282,8 +279,7 @@ def test_the_list_is_by_distance_from_the_robot(watched):
 
 def test_fit_shows_all_of_a_large_map(serve, look):
     """Ellipses and the far ends of a map 300 m long are inside; below the buttons, above the scale."""
-    served = serve()
-    served.step(12)
+    served = serve(steps=12)
     result, objects = served.steps.next()
     places = (300.0, 20.0), (-5.0, -80.0)
     far = [replace(objects[0], id=f"chair-{n}", position_m=np.array(at)) for n, at in enumerate(places, 5)]
@@ -315,8 +311,7 @@ def press(tab, text, within="#detail"):
 
 
 def test_an_object_is_named_confirmed_merged_and_deleted_and_all_is_taken_back(serve, look):
-    served = serve()
-    served.step(12)
+    served = serve(steps=12)
     tab, other = look(served), look(served)
     names = "[...document.querySelectorAll('#objects .who')].map(who => who.textContent).join()"
     hostile = '<img src=x onerror=window.hurt=1> & "Zoë\'s"'

@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -14,7 +13,6 @@ from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 
 PHONE = {"width": 390, "height": 844}
@@ -155,12 +153,8 @@ def test_with_the_keyboard_alone_a_zone_is_drawn(watched):
 
 
 def test_a_tap_inside_a_room_offers_its_outline_as_a_zone(serve, look):
-    served = serve()
-    served.step(11)
-    odds = np.full((84, 64), 40, np.int8)  # a room of 3 x 4 m whose walls are obstacles
-    odds[2:82, 2:62] = -40
-    result, objects = served.steps.next()
-    served.page.write(replace(result, grid=OccupancyGrid(odds, 1.0, -1.0, 0.05)), objects)
+    served = serve(steps=11)
+    served.sees_a_room()
     tab = look(served)
     tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
     tab.click("draw")
@@ -231,8 +225,7 @@ def with_mount(served, folder):
 
 
 def test_the_floor_grid_is_dragged_until_it_lies_flat_and_saved(serve, look, tmp_path):
-    served = with_mount(serve(), tmp_path)
-    served.step(3)
+    served = with_mount(serve(steps=3), tmp_path)
     tab = look(served)
     tab.until("edgemap.frame === 2")
     tab.click("lay-grid")
@@ -270,8 +263,7 @@ def test_the_floor_grid_is_dragged_until_it_lies_flat_and_saved(serve, look, tmp
 
 
 def test_a_grid_that_is_given_up_changes_nothing(serve, look, tmp_path):
-    served = with_mount(serve(), tmp_path)
-    served.step(3)
+    served = with_mount(serve(steps=3), tmp_path)
     tab = look(served, **PHONE)
     tab.until("edgemap.frame === 2")
     tab.click("lay-grid")
@@ -286,8 +278,7 @@ def test_a_grid_that_is_given_up_changes_nothing(serve, look, tmp_path):
 @pytest.mark.skipif(find_axe() is None, reason="no axe-core: npm install --no-save axe-core")
 @pytest.mark.parametrize(("scheme", "size"), [("light", {}), ("dark", PHONE)])
 def test_axe_finds_no_serious_fault_on_the_page(serve, look, scheme, size):
-    served = serve()
-    served.step(12)
+    served = serve(steps=12)
     api = Api(served.port)
     api("POST", "/api/zones", {"name": "hall", "corners_m": [[0, 0], [4, 0], [4, 3]]})
     served.fault("window odometry: 3 corners on the floor")

@@ -287,11 +287,10 @@ def test_a_broker_that_takes_nothing_does_not_keep_a_run_from_ending(monkeypatch
         answering.join(10.0)
 
 
-@pytest.mark.parametrize(
-    ("packet", "stays"),
-    [(b"\x31\x05\x00\x02\xff\xfex", True), (b"\x31\xff\xff\xff\x7f" + bytes(100), False)],
-    ids=["a topic that is no UTF-8", "a message of 256 MB"],
-)
+NO_UTF_8, OF_256_MB = b"\x31\x05\x00\x02\xff\xfex", b"\x31\xff\xff\xff\x7f" + bytes(100)
+
+
+@pytest.mark.parametrize(("packet", "stays"), [(NO_UTF_8, True), (OF_256_MB, False)], ids=["no UTF-8", "256 MB"])
 def test_a_brokers_message_never_ends_what_is_sent(packet, stays):
     """stays: whether the connection does; a new one sends on where it does not."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
