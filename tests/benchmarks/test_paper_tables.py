@@ -7,8 +7,8 @@ import re
 import cv2
 import numpy as np
 import pytest
-from support.noise import noise
 from support.painted import with_floor, write_painted
+from support.pictures import noise
 
 from edgemap.benchmarks.paper_page import page
 from edgemap.benchmarks.paper_tables import TableOptions, main, measure

@@ -6,7 +6,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from support.noise import noise
+from support.pictures import noise
 from support.refusal import one_line
 
 from edgemap.geometry.camera.intrinsics import Intrinsics

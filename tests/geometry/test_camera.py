@@ -83,12 +83,9 @@ def test_the_nearest_floor_seen_is_at_most_twenty_camera_heights_away(below_deg,
             FloorCamera(lens, mount)
 
 
-def test_axes_of_a_level_camera():
+def test_axes_of_a_level_camera_and_signs_of_pitch_and_roll():
     """Right in the picture is -y of the base, down is -z, into the picture is x (REP-103)."""
     np.testing.assert_allclose(Mount(1.0).rotation_base_optical() @ np.eye(3), [[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
-
-
-def test_signs_of_pitch_and_roll():
     looking = Mount.from_degrees(1.0, 30.0).rotation_base_optical() @ [0, 0, 1]
     assert looking == pytest.approx([math.cos(math.radians(30)), 0, -0.5])
     right = Mount.from_degrees(1.0, 0.0, 10.0).rotation_base_optical() @ [1, 0, 0]

@@ -194,9 +194,6 @@ def box(label, foot_px):
 def test_a_cup_on_the_mask_shows_a_worktop():
     assert [is_worktop(LOWER_HALF, box("cup", foot_px)) for foot_px in (200.0, 400.0, 480.0)] == [False, True, True]
     assert not is_worktop(LOWER_HALF, box("chair", 400.0))
-
-
-def test_without_mask_or_boxes_there_is_none():
     assert not is_worktop(None, box("cup", 400.0))
     assert not is_worktop(LOWER_HALF, Detections.none(KITCHEN))
 

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from onnx import TensorProto, helper, numpy_helper
 from support import painted
 from support.foreign_models import MODELS, SIDE, Graph, class_columns, write
-from support.noise import noise
+from support.pictures import noise
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics

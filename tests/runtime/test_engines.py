@@ -17,8 +17,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support import painted
-from support.noise import noise
 from support.painted import FLOOR, slam_of
+from support.pictures import noise
 
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.geometry.se2 import SE2

@@ -7,8 +7,8 @@ import pytest
 from support import painted
 from support.drives import exact, observed, round_trip, sighted
 from support.made_camera import MadeCamera, raising
-from support.noise import noise
 from support.painted import FLOOR, slam_of
+from support.pictures import noise
 from support.rooms import furnished
 
 from edgemap.geometry.paper.paper_map import PaperMap

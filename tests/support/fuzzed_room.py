@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from support import painted
 from support.made_camera import MadeCamera
-from support.noise import noise
+from support.pictures import noise
 from support.seen import HEIGHT_M, box_of
 
 from edgemap.geometry.camera.floor import FloorCamera
@@ -108,10 +108,8 @@ def saved_map(first: SE2 | None = None, start: SE2 | None = None) -> list[MapObj
     """The room as an earlier run mapped it. first: pose in the room that has the pose `start` in that map."""
     place = (start or SE2()) @ (first or pose_at(0.0)).inverse()
     places = place.apply(np.array(ROOM))
-    return [
-        MapObject(f"{LABEL}-{number}", LABEL, at, np.eye(2) * 0.01, 0.5, HEIGHT_M, 20, 0.9, 0.0, 10.0)
-        for number, at in enumerate(places, 1)
-    ]
+    seen = np.eye(2) * 0.01, 0.5, HEIGHT_M, 20, 0.9, 0.0, 10.0
+    return [MapObject(f"{LABEL}-{number}", LABEL, at, *seen) for number, at in enumerate(places, 1)]
 
 
 def samples(stamps_s: list[float], yaw_rad_s: float, random: np.random.Generator) -> ImuSamples:

@@ -26,9 +26,8 @@ from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.step.mapper import Mapper
 
 pytest.importorskip("paho.mqtt")
-pytestmark = pytest.mark.skipif(
-    bool(MISSING), reason=f"not here: {', '.join(MISSING)} (apt install mosquitto …-clients)"
-)
+LACKS = f"not here: {', '.join(MISSING)} (apt install mosquitto …-clients)"
+pytestmark = pytest.mark.skipif(bool(MISSING), reason=LACKS)
 
 from edgemap.bridges.mqtt.picture import MapPicture  # noqa: E402
 from edgemap.bridges.mqtt.sink import MqttPublisher, topic_level  # noqa: E402

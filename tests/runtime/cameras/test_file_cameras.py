@@ -16,8 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.live_camera import Clock
 from support.made_camera import MadeCamera
-from support.noise import noise
-from support.pictures import write_pictures
+from support.pictures import noise, write_pictures
 from support.recordings import FACTS, drain, record
 
 from edgemap.cli.camera_options import open_described

@@ -224,9 +224,6 @@ def test_a_map_is_a_drawing_that_stands_alone_over_a_table():
     (chair,) = [item for item in objects if item.label == "chair"]
     at = cells.index(chair.id)
     assert cells[at + 1 : at + 3] == [f"{value:.2f} m" for value in chair.position_m]
-
-
-def test_an_empty_map_shows_too():
     assert "map of 0 objects" in MapObjects()._repr_html_()
 
 
