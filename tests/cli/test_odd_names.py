@@ -66,10 +66,9 @@ def test_a_run_folder_of_such_a_name_holds_all_that_a_run_writes(edgemap, tmp_pa
 def test_pictures_in_such_a_folder_are_a_camera(edgemap, tmp_path):
     folder = tmp_path / f"p{ODD}"
     folder.mkdir()
-    good, jpeg = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (96, 128, 3), np.uint8))
-    assert good
+    jpeg = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (96, 128, 3), np.uint8))[1].tobytes()
     for number in range(2):
-        (folder / f"{number}.jpg").write_bytes(jpeg.tobytes())
+        (folder / f"{number}.jpg").write_bytes(jpeg)
     given = ["--mount", "0.6,11", "--intrinsics", "120,120,64,48", "--bundle", "edgemap-nano"]
     assert ended(edgemap("run", "--camera", folder, *given, "--out", "o", cwd=tmp_path))[0] == 0
     assert (tmp_path / "o" / "report.html").is_file()

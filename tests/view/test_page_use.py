@@ -214,21 +214,21 @@ BENT = Distortion("brown_conrady", (0.1, -0.02, 0.003, -0.002, 0.01))
 CAMERA = FloorCamera(Intrinsics(320, 240, 293.0, 290.0, 159.5, 119.5, BENT), Mount.from_degrees(0.6, 11.5, 2.0, 0.1))
 
 
-def with_mount(served, folder):
-    """The run that this page belongs to, as `edgemap run` opens it; its folder has a camera.yaml."""
-    lens, mount = CAMERA.intrinsics, CAMERA.mount
+def laid(serve, look, folder, **options):
+    """A page of a run as `edgemap run` opens it, its folder for a camera.yaml; a tab with the floor grid over it."""
+    served, lens, mount = serve(steps=3), CAMERA.intrinsics, CAMERA.mount
     served.page.about |= {"lens": json.loads(msgspec.json.encode(lens)), "mount": {
         "height_m": mount.height_m, "pitch_deg": 11.5, "roll_deg": 2.0, "forward_m": 0.1, "left_m": 0.0,
     }}  # fmt: skip
     served.page.keep_mount = CameraKeeper(folder, CAMERA, None).set_mount
-    return served
+    tab = look(served, **options)
+    tab.until("edgemap.frame === 2")
+    tab.click("lay-grid")
+    return served, tab
 
 
 def test_the_floor_grid_is_dragged_until_it_lies_flat_and_saved(serve, look, tmp_path):
-    served = with_mount(serve(steps=3), tmp_path)
-    tab = look(served)
-    tab.until("edgemap.frame === 2")
-    tab.click("lay-grid")
+    served, tab = laid(serve, look, tmp_path)
     points = [[1.0, 0.5], [3.0, -1.0], [0.8, -0.4]]
     drawn = tab.value(f"{points}.map(([x, y]) => edgemap.grid.floor(x, y))")
     ahead = np.array(points) + [0.1, 0.0]  # the page counts from the lens
@@ -263,10 +263,7 @@ def test_the_floor_grid_is_dragged_until_it_lies_flat_and_saved(serve, look, tmp
 
 
 def test_a_grid_that_is_given_up_changes_nothing(serve, look, tmp_path):
-    served = with_mount(serve(steps=3), tmp_path)
-    tab = look(served, **PHONE)
-    tab.until("edgemap.frame === 2")
-    tab.click("lay-grid")
+    _, tab = laid(serve, look, tmp_path, **PHONE)
     tab.value("edgemap.grid.set({ pitch_deg: -40 })")
     tab.value("edgemap.grid.save()")
     tab.until("document.getElementById('notice').textContent.includes('looks at the sky')")

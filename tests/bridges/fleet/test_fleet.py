@@ -164,7 +164,6 @@ def test_walls_join_maps_with_few_objects_and_the_place_has_the_floor(tmp_path, 
     assert f"saved in {late}" in capsys.readouterr().out
     for path in (late, tmp_path, tmp_path / "robots" / "two.json"):
         grid = load_grid(path)
-        assert grid is not None
         assert (grid.at(began.inverse().apply([[2.0, 1.5]]) if path.name == "two.json" else [[2.0, 1.5]]) == 0).all()
     keeper.close()
     again = PlaceKeeper("home", tmp_path, listen=address)

@@ -188,12 +188,11 @@ def test_one_picture_of_another_size_and_samples_that_are_none_are_counted(tmp_p
     assert "1 of 20 samples dropped" in faults[0].text
 
 
-FLOATS, SMALL = DEPTH.astype(np.float32), "depth: 0 of 3 pictures usable: 32x24 px for pictures of 64x48 px"
+FLOATS, MILLIMETRES = DEPTH.astype(np.float32), "32FC1 is in millimetres"
+SMALL = "depth: 0 of 3 pictures usable: 32x24 px for pictures of 64x48 px"
 
 
-@pytest.mark.parametrize(
-    ("sent", "text"), [(DEPTH[::2, ::2], SMALL), (FLOATS, "32FC1 is in millimetres"), (FLOATS / 1000, None)]
-)
+@pytest.mark.parametrize(("sent", "text"), [(DEPTH[::2, ::2], SMALL), (FLOATS, MILLIMETRES), (FLOATS / 1000, None)])
 def test_depth_that_cannot_be_used_is_a_fault_and_millimetres_are_found_out(tmp_path, sent, text):
     messages = []
     for stamp in (T0, T0 + STEP, T0 + 2 * STEP):

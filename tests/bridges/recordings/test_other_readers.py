@@ -79,8 +79,7 @@ def test_every_topic_is_there_at_the_pictures_stamps(topics):
 def test_pictures_decode_with_opencv(topics):
     for (_, message), frame in zip(topics["/camera/image/compressed"], noise(12), strict=True):
         assert (message.format, message.header.frame_id) == ("jpeg", "camera_optical_frame")
-        good, expected = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, 90])
-        assert good
+        _, expected = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, 90])
         assert bytes(message.data) == expected.tobytes()
 
 
