@@ -41,13 +41,12 @@ def test_segments_agree_with_the_development_kits_way_of_counting():
     found = integrated([SE2(*row) for row in rng.normal([0.1, 0, 0], [0.05, 0.02, 0.2], (150, 3))])
     expected = []
     for first in range(0, len(true), 10):
-        gone, last = 0.0, None
-        for i in range(first + 1, len(true)):
-            gone += math.dist((true[i].x_m, true[i].y_m), (true[i - 1].x_m, true[i - 1].y_m))
+        gone = 0.0
+        for last in range(first + 1, len(true)):
+            gone += math.dist((true[last].x_m, true[last].y_m), (true[last - 1].x_m, true[last - 1].y_m))
             if gone > 3.0:
-                last = i
                 break
-        if last is None:
+        else:
             continue
         delta_true = np.linalg.inv(true[first].matrix()) @ true[last].matrix()
         delta_found = np.linalg.inv(found[first].matrix()) @ found[last].matrix()

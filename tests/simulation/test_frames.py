@@ -1,6 +1,7 @@
 """Rendered pictures against edgemap.geometry: boxes, shares, lenses, depths; the demo has enough to map."""
 
 import json
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -48,18 +49,16 @@ def wall(x, half, lamp=1.0, day=0.0):
 @pytest.fixture
 def draw():
     """Makes a renderer of parts and surfaces; closed at the end."""
-    made = []
+    with ExitStack() as made:
 
-    def make(parts, surfaces=(), intrinsics=INTRINSICS):
-        try:
-            made.append(Renderer(LitScene(tuple(surfaces), tuple(parts), (), PROBES), intrinsics))
-        except EdgemapError as error:
-            pytest.skip(str(error))
-        return made[-1]
+        def make(parts, surfaces=(), intrinsics=INTRINSICS):
+            try:
+                scene = LitScene(tuple(surfaces), tuple(parts), (), PROBES)
+                return made.enter_context(closing(Renderer(scene, intrinsics)))
+            except EdgemapError as error:
+                pytest.skip(str(error))
 
-    yield make
-    for renderer in made:
-        renderer.close()
+        yield make
 
 
 @pytest.fixture

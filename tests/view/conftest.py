@@ -1,4 +1,5 @@
 import threading
+from contextlib import ExitStack, closing
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -72,15 +73,8 @@ class Served:
 @pytest.fixture
 def serve(tmp_path):
     """serve(host=…, port=…, live=…, steps=…) -> Served; all are closed at the end."""
-    served = []
-
-    def start(**options):
-        served.append(Served(tmp_path, **options))
-        return served[-1]
-
-    yield start
-    for one in served:
-        one.close()
+    with ExitStack() as served:
+        yield lambda **options: served.enter_context(closing(Served(tmp_path, **options)))
 
 
 @pytest.fixture

@@ -270,19 +270,16 @@ def test_a_rude_viewer_is_shown_out_and_the_rest_stay(serve):
 def test_silent_connections_do_not_keep_the_owner_out(serve):
     """Seventy that say nothing and seventy that send half a header; whoever asks is answered."""
     served = serve(host="0.0.0.0")
-    silent = [socket.create_connection(("127.0.0.1", served.port), timeout=60) for _ in range(70)]
-    slow = [socket.create_connection(("127.0.0.1", served.port), timeout=60) for _ in range(70)]
-    for connection in slow:
-        with suppress(OSError):
-            connection.sendall(b"GET / HTTP/1.1\r\nHost: ")
-    try:
+    address = ("127.0.0.1", served.port)
+    with ExitStack() as opened:
+        silent = [opened.enter_context(socket.create_connection(address, timeout=60)) for _ in range(140)]
+        for slow in silent[70:]:
+            with suppress(OSError):
+                slow.sendall(b"GET / HTTP/1.1\r\nHost: ")
         assert ask(served.port, "/api/map", Authorization=f"Bearer {served.token}")[0] == 200
         with raw_viewer(served.port, f"?token={served.token}") as viewer:
             assert viewer.hello["type"] == "hello"
             assert ask(served.port)[0] == 401
-    finally:
-        for connection in (*silent, *slow):
-            connection.close()
 
 
 def test_there_is_an_end_to_how_many_may_look(serve):

@@ -35,8 +35,7 @@ def increasing(frames):
 
 
 def test_a_three_second_stall_is_told_and_recovers():
-    silent = dict.fromkeys(range(20, 50))  # 3 s at 10 Hz
-    camera, driver, _ = scripted(silent)
+    camera, driver, _ = scripted(dict.fromkeys(range(20, 50)))  # 3 s at 10 Hz
     faults = []
     frames = drain(camera, 40, faults)
     assert kinds(faults) == ["late", "recovered"]
@@ -197,8 +196,7 @@ def test_what_is_wrong_with_a_picture_is_named_and_stamps_go_on(script, expected
 
 
 def test_a_camera_that_stays_at_another_size_is_opened_again():
-    script = {n: (100.0 + n / 10, picture(n, (8, 4))) for n in range(10, 40)}
-    camera, driver, _ = scripted(script)
+    camera, driver, _ = scripted({n: (100.0 + n / 10, picture(n, (8, 4))) for n in range(10, 40)})
     faults = []
     drain(camera, 20, faults)
     assert kinds(faults) == ["size", "late", "recovered"]
