@@ -34,9 +34,8 @@ class Launched:
             def perform(self, context):
                 return context[self]
 
-        actions = SimpleNamespace(
-            DeclareLaunchArgument=lambda *words, **more: (words, more), OpaqueFunction=lambda function: function
-        )
+        declared = {"DeclareLaunchArgument": lambda *words, **more: (words, more)}
+        actions = SimpleNamespace(**declared, OpaqueFunction=lambda function: function)
         modules: dict[str, Any] = {
             "launch": SimpleNamespace(LaunchContext=dict, LaunchDescription=list),
             "launch.actions": actions,

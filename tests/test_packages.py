@@ -15,11 +15,8 @@ def test_every_package_is_installed():
     if listed.returncode != 0:
         pytest.skip("no git checkout here")
     folders = {Path(line).parent for line in listed.stdout.split()}
-    packages = {
-        ".".join(("edgemap", *folder.parts)) if folder != Path("api") else "edgemap"
-        for folder in folders
-        if folder.parts[:1] and folder.parts[0] not in NOT_INSTALLED
-    }
+    names = {folder.parts for folder in folders if folder.parts[:1] and folder.parts[0] not in NOT_INSTALLED}
+    packages = {".".join(("edgemap", *parts)) if parts != ("api",) else "edgemap" for parts in names}
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
     assert packages <= set(declared)
     assert {name.partition(".")[0] for name in declared} == {"edgemap"}

@@ -32,9 +32,8 @@ def broken(tmp_path):
     info.mkdir(parents=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1\n")
     groups = ("cameras", "sinks", "commands")
-    (info / "entry_points.txt").write_text(
-        "".join(f"[edgemap.{group}]\nbroken = no_such_module:x\n" for group in groups)
-    )
+    text = "".join(f"[edgemap.{group}]\nbroken = no_such_module:x\n" for group in groups)
+    (info / "entry_points.txt").write_text(text)
     return tmp_path / "site"
 
 

@@ -1,12 +1,16 @@
-"""The pages tell the truth: commands exist with their flags, Python runs, links lead somewhere."""
+"""The pages tell the truth: commands exist with their flags, Python and the notebook run, links lead
+somewhere."""
 
 import functools
 import pkgutil
 import re
 import shlex
 import subprocess
+from base64 import b64decode
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import yaml
 from support.pictures import write_video
@@ -108,11 +112,8 @@ def test_make_targets_exist():
 def test_the_public_workflows_call_what_exists(help_of):
     """Every `run` line is a make target or a command with its flags; only a tag publishes, after the build."""
     folder = ROOT / ".github" / "workflows"
-    jobs = {
-        f"{path.name} {name}": job
-        for path in folder.glob("*.yml")
-        for name, job in yaml.safe_load(path.read_text())["jobs"].items()
-    }
+    files = {path.name: yaml.safe_load(path.read_text())["jobs"] for path in folder.glob("*.yml")}
+    jobs = {f"{file} {name}": job for file, own in files.items() for name, job in own.items()}
     publish = {name for name, job in jobs.items() if any("publish" in step.get("uses", "") for step in job["steps"])}
     assert publish == {"release.yml publish"}
     assert yaml.safe_load((folder / "release.yml").read_text())[True] == {"push": {"tags": ["v*"]}}  # `on` in YAML 1.1
@@ -142,3 +143,23 @@ def test_no_package_registry_is_named():
         path = ROOT / name
         if path.suffix in {".py", ".md", ".txt", ".toml", ".yaml", ""} and path.is_file():
             assert not hosts.search(path.read_text(errors="ignore")), name
+
+
+def test_the_notebook_runs_and_shows_pictures_and_maps(tmp_path):
+    nbformat = pytest.importorskip("nbformat")
+    client = pytest.importorskip("nbclient", reason="no nbclient here (extra dev)")
+    pytest.importorskip("ipykernel", reason="no kernel here (extra dev)")
+    notebook = nbformat.read(ROOT / "docs" / "notebook.ipynb", 4)
+    told = [output.output_type for cell in notebook.cells for output in cell.get("outputs", [])]
+    assert "execute_result" in told, "the repository's notebook shows its outputs"
+    assert "error" not in told
+    client.NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    assert not [output for output in shown if output.output_type == "error"]
+    data = [output.data for output in shown if output.output_type == "execute_result"]
+    (picture,) = [item["image/png"] for item in data if "image/png" in item]
+    image = cv2.imdecode(np.frombuffer(b64decode(picture), np.uint8), cv2.IMREAD_COLOR)
+    assert image.shape == (480, 640, 3)
+    (drawn,) = [item["text/html"] for item in data if "text/html" in item]
+    assert "suitcase-1" in drawn
+    assert (tmp_path / "map.json").is_file()

@@ -18,12 +18,9 @@ CLAIMS = [
 @pytest.fixture(scope="module")
 def tests():
     """The names of all test functions."""
-    return {
-        node.name
-        for file in (ROOT / "tests").rglob("test_*.py")
-        for node in ast.walk(ast.parse(file.read_text()))
-        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
-    }
+    trees = [ast.parse(file.read_text()) for file in (ROOT / "tests").rglob("test_*.py")]
+    functions = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    return {function.name for function in functions if function.name.startswith("test_")}
 
 
 def test_there_are_claims():

@@ -61,9 +61,7 @@ def desk(tmp_path_factory):
     (folder / "first" / "run.json").write_text(json.dumps(alone))
     square = [[0, 0], [1, 0], [1, 1], [0, 1]]
     drawn = json.loads((folder / "home" / "map.json").read_text())
-    drawn["zones"] = [
-        {"id": f"zone-{n}", "name": name, "corners_m": square} for n, name in ((1, "stairs"), (2, "hall"))
-    ]
+    drawn["zones"] = [{"id": f"zone-{n}", "name": one, "corners_m": square} for n, one in ((1, "stairs"), (2, "hall"))]
     (folder / "home" / "map.json").write_text(json.dumps(drawn))
     shutil.copy(folder / "home" / "map.json", folder)
     shutil.copy(folder / "drive.mcap", folder / "cut.mcap")

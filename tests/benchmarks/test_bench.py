@@ -91,12 +91,9 @@ def test_ratios_are_ours_over_theirs(monkeypatch):
     monkeypatch.setattr(contest.time, "perf_counter", lambda: now[0])
     monkeypatch.setattr(contest.time, "process_time", lambda: burnt[0])
     monkeypatch.setattr(contest.time, "sleep", lambda _: None)
-    ratios = contest.compare(
-        (lambda image: spend(0.01, 2), lambda image: spend(0.02, 3)),
-        (lambda: spend(0.004), lambda: spend(0.005)),
-        lambda: (counting(5), Slam(lambda frame: spend(0.015))),
-        1.0,
-    )
+    networks = (lambda image: spend(0.01, 2), lambda image: spend(0.02, 3))
+    whole = (lambda: spend(0.004), lambda: spend(0.005))
+    ratios = contest.compare(networks, whole, lambda: (counting(5), Slam(lambda frame: spend(0.015))), 1.0)
     assert (ratios["network_ratio"], ratios["end_to_end_ratio"], ratios["full_ratio"]) == (0.8, 0.5, 0.75)
     assert ratios["cpu_ratio"] == pytest.approx(1 / 3, abs=1e-3)
 

@@ -113,12 +113,10 @@ def test_footprints_of_a_table_are_scored(tmp_path, monkeypatch, capsys):
 
 
 def test_readme_the_page_and_the_charts_are_what_figures_json_gives():
-    for path, text in figures.pages(json.loads(figures.JSON.read_text())).items():
+    rows = json.loads(figures.JSON.read_text())
+    for path, text in figures.pages(rows).items():
         assert path.read_text() == text, f"{path.name} differs: python -m edgemap.benchmarks.figures --show"
-
-
-def test_every_figure_of_the_readme_is_there():
-    assert set(figures.README_ROWS) <= {row["figure"] for row in json.loads(figures.JSON.read_text())}
+    assert set(figures.README_ROWS) <= {row["figure"] for row in rows}
 
 
 @pytest.mark.parametrize(

@@ -13,18 +13,10 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CalibrationError
 
-LENS = Intrinsics(
-    640, 480, 520.0, 523.0, 315.0, 243.0, Distortion("brown_conrady", (-0.12, 0.05, 0.0008, -0.0005, 0.0))
-)
+LENS = Intrinsics(640, 480, 520.0, 523.0, 315.0, 243.0, Distortion("brown_conrady", (-0.12, 0.05, 8e-4, -5e-4, 0.0)))
 MOUNT = Mount.from_degrees(0.52, 17.0, -1.8)
 BOARD = Board(9, 6, 0.025)
 TILE = Board(9, 6, 0.06)
-
-
-def corners_of(board, image):
-    corners = board.corners_px(image)
-    assert corners is not None
-    return corners
 
 
 def poses(count, lean_deg=28.0):
@@ -39,13 +31,13 @@ def poses(count, lean_deg=28.0):
 @pytest.fixture(scope="module")
 def held():
     images = [held_board(LENS, place, turn, seed) for seed, (place, turn) in enumerate(poses(10))]
-    return [BoardView(f"{i}.png", corners_of(BOARD, image)) for i, image in enumerate(images)]
+    return [BoardView(f"{i}.png", BOARD.corners_px(image)) for i, image in enumerate(images)]
 
 
 def test_corners_are_found_to_a_tenth_of_a_pixel():
     """Against the projection by OpenCV, which knows nothing of our ray tracing."""
     place, turn = (0.01, -0.01, 0.4), (20.0, -15.0, 8.0)
-    corners = corners_of(BOARD, held_board(LENS, place, turn, 0))
+    corners = BOARD.corners_px(held_board(LENS, place, turn, 0))
     flat = np.column_stack([BOARD.points_m() - BOARD.points_m().mean(axis=0), np.zeros(54)])
     k = np.array([[LENS.fx, 0, LENS.cx], [0, LENS.fy, LENS.cy], [0, 0, 1.0]])
     expected = cv2.projectPoints(flat, np.radians(turn), np.array(place), k, np.array(LENS.distortion.coefficients))[0]
@@ -71,7 +63,7 @@ def test_the_lens_comes_out(held):
 
 def test_a_view_that_does_not_belong_is_left_out(held):
     crooked = held_board(LENS, (0.0, 0.0, 0.4), (5.0, 20.0, 0.0), 99, bend=1.5)
-    fit = fit_lens([*held, BoardView("bent.png", corners_of(BOARD, crooked))], BOARD, (640, 480))
+    fit = fit_lens([*held, BoardView("bent.png", BOARD.corners_px(crooked))], BOARD, (640, 480))
     assert fit.dropped == ("bent.png",)
     assert fit.intrinsics.fx == pytest.approx(LENS.fx, rel=2e-3)
 
@@ -107,7 +99,7 @@ def lying():
     # The second one needs the older detector.
     places = [((1.1, 0.05), 0.3), ((1.2, 0.4), 1.4), ((1.2, -0.4), 2.6), ((1.1, -0.1), -0.8), ((1.4, 0.0), 0.0)]
     images = [floor_board(camera, place, yaw, seed) for seed, (place, yaw) in enumerate(places)]
-    return [BoardView(f"{i}.png", corners_of(TILE, image)) for i, image in enumerate(images)]
+    return [BoardView(f"{i}.png", TILE.corners_px(image)) for i, image in enumerate(images)]
 
 
 def test_the_mount_comes_out(lying):
@@ -127,7 +119,7 @@ def test_the_mount_comes_out(lying):
 
 def test_a_board_on_a_box_is_refused_and_named(lying):
     low = FloorCamera(LENS, Mount(MOUNT.height_m - 0.08, MOUNT.pitch_rad, MOUNT.roll_rad))
-    odd = BoardView("on-a-box.png", corners_of(TILE, floor_board(low, (1.1, 0.1), 0.4, 5)))
+    odd = BoardView("on-a-box.png", TILE.corners_px(floor_board(low, (1.1, 0.1), 0.4, 5)))
     with pytest.raises(CalibrationError, match=r"do not lie on one floor: \d+\.\d px off in on-a-box\.png"):
         fit_mount([*lying, odd], TILE, LENS)
 

@@ -48,10 +48,8 @@ def test_furniture_of_usual_size_shows_height_and_pitch(height_m, pitch_deg, sha
     """A low lens that looks far hardly tells its pitch from its height. share: of the height's error, 0 where it is
     given."""
     random, mount = np.random.default_rng(3), Mount.from_degrees(height_m, pitch_deg)
-    scenes = [
-        boxes_of(mount, [(int(random.integers(3)), random.uniform(1.5, 5.0), random.uniform(-1.5, 1.5))])
-        for _ in range(120)
-    ]
+    pieces = ((int(random.integers(3)), random.uniform(1.5, 5.0), random.uniform(-1.5, 1.5)) for _ in range(120))
+    scenes = [boxes_of(mount, [piece]) for piece in pieces]
     scenes = [scene for scene in scenes if len(scene.boxes)][:40]
     rest = iter(scenes)
     given_m = None if share else height_m
@@ -92,9 +90,8 @@ def test_a_mount_that_cannot_be_is_refused_with_its_number():
     random, mount = np.random.default_rng(3), Mount.from_degrees(1.5, 30.0)
     scene = boxes_of(mount, [(0, x, y) for x, y in random.uniform((1.8, -1.0), (3.5, 1.0), (6, 2))])
     middle = scene.boxes.reshape(-1, 2, 2).mean(axis=1, keepdims=True)
-    small = Detections(
-        ((scene.boxes.reshape(-1, 2, 2) - middle) * 0.15 + middle).reshape(-1, 4), scene.scores, scene.class_ids, NAMES
-    )
+    shrunk = ((scene.boxes.reshape(-1, 2, 2) - middle) * 0.15 + middle).reshape(-1, 4)
+    small = Detections(shrunk, scene.scores, scene.class_ids, NAMES)
     with pytest.raises(CalibrationError, match=r"put the lens \d+\.\d\d m above the floor, expected 0.05 to 3 m"):
         guess_camera([GREY] * 10, lambda _: small, LENS)
 
@@ -123,7 +120,6 @@ def test_a_phones_picture_states_its_focal_length(tmp_path):
     exif.get_ifd(0x8769)[0xA405] = 26
     image.new("RGB", (640, 480)).save(tmp_path / "a.jpg", exif=exif)
     found = stated_focal_px(tmp_path, 640, 480)
-    assert found is not None
     assert found == (pytest.approx(26.0 / math.hypot(36.0, 24.0) * 800.0), "EXIF")
     image.new("RGB", (640, 480)).save(tmp_path / "a.jpg")
     assert stated_focal_px(tmp_path / "a.jpg", 640, 480) is None
@@ -152,10 +148,7 @@ def test_where_none_is_clearly_better_pictures_stay():
 BENT = Distortion("brown_conrady", (-0.1, 0.03, 0.0005, -0.0004, 0.0))
 
 
-@pytest.mark.parametrize(
-    ("pitch_deg", "roll_deg", "distortion"),
-    [(24.0, -4.0, Distortion()), (-3.0, 2.5, BENT)],
-)
+@pytest.mark.parametrize(("pitch_deg", "roll_deg", "distortion"), [(24.0, -4.0, Distortion()), (-3.0, 2.5, BENT)])
 def test_rendered_rooms(pitch_deg, roll_deg, distortion):
     lens = Intrinsics(640, 480, 480.0, 482.0, 318.0, 241.0, distortion)
     mount = Mount.from_degrees(0.6, pitch_deg, roll_deg)
@@ -167,27 +160,19 @@ def test_rendered_rooms(pitch_deg, roll_deg, distortion):
     assert max(fit.sigma) < math.radians(0.3)
 
 
-def random_segments(random, count):
-    normals = random.normal(size=(count, 3))
-    return Segments(normals / np.linalg.norm(normals, axis=1, keepdims=True), np.full(count, 0.2))
-
-
 def test_edges_that_do_not_agree_and_bare_pictures_are_refused():
-    random = np.random.default_rng(4)
+    normals = np.random.default_rng(4).normal(size=(8, 60, 3))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     with pytest.raises(CalibrationError, match=r"need|known to"):
-        fit_tilt([random_segments(random, 60) for _ in range(8)])
-    lens = Intrinsics(640, 480, 480.0, 482.0, 318.0, 241.0)
-    grey = np.full((480, 640, 3), 128, np.uint8)
+        fit_tilt([Segments(own, np.full(60, 0.2)) for own in normals])
     with pytest.raises(CalibrationError, match=r"^0 pictures with straight edges, need 4"):
-        fit_tilt([find_segments(grey, lens)] * 5)
+        fit_tilt([find_segments(GREY, LENS)] * 5)
 
 
 def test_a_camera_that_nods_is_refused():
     """Pictures from a hand, not from a robot: no one pitch is right."""
     lens = Intrinsics(640, 480, 480.0, 482.0, 318.0, 241.0)
-    pitches = [0.0, 4.0, 8.0, 12.0, 16.0, 20.0]
-    pictures = [
-        find_segments(room(lens, Mount.from_degrees(0.6, pitch), 0.7 * i, i), lens) for i, pitch in enumerate(pitches)
-    ]
+    mounts = [Mount.from_degrees(0.6, 4.0 * i) for i in range(6)]
+    pictures = [find_segments(room(lens, mount, 0.7 * i, i), lens) for i, mount in enumerate(mounts)]
     with pytest.raises(CalibrationError, match=r"tilt changes by \d+\.\d deg"):
         fit_tilt(pictures)

@@ -13,8 +13,7 @@ import pytest
 from support.pictures import write_scene
 from support.refusal import one_line
 
-from edgemap.cli import COMMANDS, main
-from edgemap.runtime.frames.errors import DiskError
+from edgemap.cli import COMMANDS
 from edgemap.runtime.step.map_file import load_map
 
 pytestmark = pytest.mark.slow
@@ -72,14 +71,6 @@ def test_map_show_draws_a_run_of_paper_clustering(edgemap, painted_bundle, pictu
     edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "-o", out, "--clustering", "paper")
     assert "chair-1" in edgemap("map", "show", out).stdout
     assert cv2.imread(str(out / "map.png")) is not None
-
-
-def test_classes_choose_what_is_mapped(edgemap, painted_bundle, pictures, tmp_path):
-    run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run", "--classes")
-    assert edgemap(*run, "couch").returncode == 0
-    assert load_map(tmp_path / "run") == []
-    assert edgemap(*run, "person", "--out", tmp_path / "named").returncode == 0
-    assert {one.label for one in load_map(tmp_path / "named")} == {"person"}  # mapped where it is named
 
 
 @pytest.mark.parametrize("streams", ["2>&-", ">/dev/full 2>&1"])
@@ -154,25 +145,6 @@ def test_a_picture_that_is_none_ends_a_strict_run_with_map_and_report(edgemap, p
     assert f"the map so far (1 objects) is in {tmp_path / 'run'}" in line
     assert load_map(tmp_path / "run")[0].count == 8
     assert "8.png: not a picture" in (tmp_path / "run" / "report.html").read_text()
-
-
-def test_a_recording_that_cannot_be_ended_leaves_the_map_and_names_its_folder(
-    edgemap, painted_bundle, pictures, tmp_path, monkeypatch, capsys
-):
-    pytest.importorskip("mcap_ros2", reason="no mcap here (extra record)")
-    from edgemap.bridges.ros2.recordings.recorder import Recorder
-
-    def full(sink):
-        raise DiskError("a.mcap: cannot be written (No space left on device)")
-
-    monkeypatch.setattr(Recorder, "close", full)
-    out = tmp_path / "run"
-    flags = ("--bundle", str(painted_bundle), "--record", str(tmp_path / "a.mcap"), "--out", str(out))
-    with pytest.raises(SystemExit) as ended:
-        main(["run", "--camera", str(pictures), *flags])
-    assert ended.value.code == 4
-    assert f"(No space left on device); the map so far (1 objects) is in {out}/" in capsys.readouterr().err
-    assert load_map(out)[0].count > 0
 
 
 def test_detect_prints_json_and_distances(edgemap, painted_bundle, pictures):

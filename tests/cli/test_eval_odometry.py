@@ -6,7 +6,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from support.noise import noise
+from support.pictures import noise
 from support.refusal import one_line
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -17,9 +17,7 @@ from edgemap.runtime.inputs.drives import write_drive, write_locobot
 
 COUNT = 61
 LENS, MOUNT = Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5), Mount.from_degrees(0.5, 20.0)
-LEVEL_YAML = (
-    "{width: 64, height: 48, fx: 50, fy: 50, cx: 31.5, cy: 23.5, fps: 10, mount: {height_m: 1.5, pitch_deg: 0}}"
-)
+LEVEL = "{width: 64, height: 48, fx: 50, fy: 50, cx: 31.5, cy: 23.5, fps: 10, mount: {height_m: 1.5, pitch_deg: 0}}"
 WAY = tuple(SE2(0.1 * max(i - 10, 0), 0.0, 0.0) for i in range(COUNT))  # a second of standing, then 5 m ahead
 STAMPS_S = np.arange(COUNT) / 10
 
@@ -32,10 +30,8 @@ def pictures(folder):
 
 def wheels(share):
     """Rows of wheel odometry that go too far by a share and creep 1 mm a frame at rest."""
-    return [
-        (stamp, (1 + share) * pose.x_m + 0.001 * min(i, 10), 0.0, 0.0)
-        for i, (stamp, pose) in enumerate(zip(STAMPS_S, WAY, strict=True))
-    ]
+    far_m = [(1 + share) * pose.x_m + 0.001 * min(i, 10) for i, pose in enumerate(WAY)]
+    return [(stamp, x_m, 0.0, 0.0) for stamp, x_m in zip(STAMPS_S, far_m, strict=True)]
 
 
 def drive(folder, share=0.05):
@@ -47,7 +43,7 @@ def drive(folder, share=0.05):
 def kitti(folder):
     """5 m ahead on a slope of 0.1 rad: the world is the first camera's, z ahead and y down."""
     pictures(folder / "image")
-    (folder / "camera.yaml").write_text(LEVEL_YAML)
+    (folder / "camera.yaml").write_text(LEVEL)
     lines = [f"1 0 0 0 0 1 0 {-pose.x_m * math.sin(0.1)} 0 0 1 {pose.x_m * math.cos(0.1)}\n" for pose in WAY]
     (folder / "poses.txt").write_text("".join(lines))
     return f"kitti:{folder}"
@@ -74,9 +70,8 @@ def document(result):
 
 def test_wheels_that_go_too_far_are_found_out(evaluate, tmp_path):
     specs = drive(tmp_path / "a", 0.05), drive(tmp_path / "b", 0.10), locobot(tmp_path / "c")
-    found = document(
-        evaluate("--data", *specs[:2], "--data", specs[2], "--odometry", "wheel", "--segments", "0.95,9", "--json")
-    )
+    words = "--data", *specs[:2], "--data", specs[2], "--odometry", "wheel", "--segments", "0.95,9", "--json"
+    found = document(evaluate(*words))
     assert list(found["sequences"]) == ["a", "b", "c"]
     a, b = found["sequences"]["a"], found["sequences"]["b"]
     assert (a["data"], a["frames"], a["mount"]) == (specs[0], COUNT, {"height_m": 0.5, "pitch_deg": 20.0})
@@ -138,7 +133,7 @@ def test_a_mount_can_be_given_where_the_data_have_none_or_another(evaluate, tmp_
     spec = kitti(tmp_path / "k")
     flags = ("--data", spec, "--mount", "0.7,4", "--odometry", "truth", "--json")
     assert document(evaluate(*flags))["sequences"]["k"]["mount"] == {"height_m": 0.7, "pitch_deg": 4.0}
-    (tmp_path / "k" / "camera.yaml").write_text(LEVEL_YAML.replace(", mount: {height_m: 1.5, pitch_deg: 0}", ""))
+    (tmp_path / "k" / "camera.yaml").write_text(LEVEL.replace(", mount: {height_m: 1.5, pitch_deg: 0}", ""))
     assert document(evaluate(*flags))["sequences"]["k"]["mount"] == {"height_m": 0.7, "pitch_deg": 4.0}
     assert "or give --mount" in one_line(evaluate("--data", spec))
 

@@ -23,9 +23,7 @@ from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.motion.camera_guess import CameraGuess
 
 
-def test_pictures_without_camera_yaml_are_mapped_by_a_guess_that_asks_for_the_height_alone(
-    edgemap, painted_bundle, pictures, tmp_path
-):
+def test_without_camera_yaml_a_guess_asks_for_the_height_alone(edgemap, painted_bundle, pictures, tmp_path):
     """The commands that it prints run as they stand, in a folder with spaces too, and with another height. Lens and
     pitch remain guesses, so no map is called good."""
     (pictures / "camera.yaml").unlink()
@@ -94,9 +92,7 @@ def test_a_recording_of_a_run_by_a_guess_is_one_still(edgemap, painted_bundle, p
 
 
 @pytest.mark.parametrize(("odometry", "corrected"), [("hybrid", True), ("wheel:wheels.csv", False), ("truth", False)])
-def test_lengths_that_poses_measure_are_not_corrected(
-    painted_bundle, pictures, tmp_path, monkeypatch, capsys, odometry, corrected
-):
+def test_lengths_that_poses_measure_stay(painted_bundle, pictures, tmp_path, monkeypatch, capsys, odometry, corrected):
     """With wheels or poses alone nothing of a motion is in proportion to a guessed height."""
     (pictures / "camera.yaml").unlink()
     monkeypatch.chdir(tmp_path)

@@ -45,13 +45,17 @@ def frames_done(out):
         return 0
 
 
-def stopped_cleanly(ending):
+def stopped_cleanly(ending, out):
+    """The run's record; it is finished."""
     assert ending.code == 0
     # Faults as they come, and a line of progress every 10 s where the machine is that slow; no traceback.
     assert all(re.match(r"frame \d+: |\d+ frames, ", line) for line in ending.errors.splitlines()), ending.errors
     assert "stopped after" in ending.output
     assert ending.own_s < 2.0
     assert ending.busy_s < 2.0
+    record = json.loads((out / "run.json").read_text())
+    assert record["finished"]
+    return record
 
 
 def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds(begin, server, tmp_path):
@@ -81,9 +85,7 @@ def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds
         wait_for(lambda: frames_now() > done + 10)
         ending = ended_by_sigterm(run)
         frames_now()
-    stopped_cleanly(ending)
-    record = json.loads((out / "run.json").read_text())
-    assert record["finished"]
+    record = stopped_cleanly(ending, out)
     assert record["fault_kinds"]["recovered"] >= 1
     cut = {"late", "failed", "closed", "torn", "recovered"}  # a picture too, where the connection was
     assert set(record["fault_kinds"]) <= cut | {"odometry", "out_of_range"}
@@ -109,7 +111,4 @@ def test_sigterm_while_the_camera_is_away(begin, server, tmp_path):
             ending = ended_by_sigterm(run)
         finally:
             server.start()
-    stopped_cleanly(ending)
-    record = json.loads((out / "run.json").read_text())
-    assert record["finished"]
-    assert record["frames"] >= 3
+    assert stopped_cleanly(ending, out)["frames"] >= 3

@@ -90,9 +90,8 @@ def test_the_dock_is_a_start(boot, tmp_path):
 @pytest.mark.parametrize("before", ["good", "care", None, "unreliable"])
 def test_an_unreliable_run_saves_beside_a_better_map(tmp_path, before):
     """Also where it was reliable at first; and it takes the map's place again where it becomes so."""
-    save_map(
-        tmp_path / "map.json", mapped([("bed", 1.0, 0.0)]), Annotations(identity=MapIdentity("home", 3, level=before))
-    )
+    identity = MapIdentity("home", 3, level=before)
+    save_map(tmp_path / "map.json", mapped([("bed", 1.0, 0.0)]), Annotations(identity=identity))
     text, verdicts, steps = (tmp_path / "map.json").read_text(), list[Level](["care"]), Steps()
     sink = LivingMap(tmp_path, bool, lambda: Verdict(verdicts[-1]))
     steps.into(sink, 12)
@@ -134,9 +133,8 @@ def test_a_run_folder_and_a_file_are_only_read(tmp_path, monkeypatch):
 def test_a_name_that_no_map_has(tmp_path, monkeypatch):
     monkeypatch.setenv("EDGEMAP_DATA", str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(
-        MapError, match=f"home: no run folder or map.json here, and no map of that name in {tmp_path}/maps"
-    ):
+    told = f"home: no run folder or map.json here, and no map of that name in {tmp_path}/maps"
+    with pytest.raises(MapError, match=told):
         saved_map("home")
     (tmp_path / "maps" / "home").mkdir(parents=True)
     (tmp_path / "maps" / "home" / "map.json").write_text("{}")

@@ -148,22 +148,17 @@ def test_the_history_and_the_verdict_of_any_map(edgemap, tmp_path):
     assert "dim light" in lines[1]
 
 
-@pytest.mark.parametrize(
-    ("asked", "expected"),
-    [
-        (("chair-2",), "chair-2"),
-        (("blue chair",), "chair-1"),
-        (("--label", "chair", "--near", "2,3"), "chair-2"),
-        (("--label", "chair"), "chair-1"),
-    ],
-)
-def test_a_pose_before_an_object(edgemap, tmp_path, asked, expected):
+NEAR = ("--label", "chair", "--near", "2,3")
+
+
+@pytest.mark.parametrize(("asked", "number"), [(("chair-2",), 2), (("blue chair",), 1), (NEAR, 2), (NEAR[:2], 1)])
+def test_a_pose_before_an_object(edgemap, tmp_path, asked, number):
     near, far = mapped([("chair", 2.0, 0.0), ("chair", 2.0, 2.0)])
     free = OccupancyGrid(np.full((200, 200), -100, np.int8), -5.0, -5.0, 0.05)
     save_map(tmp_path / "map.json", [replace(near, name="blue chair"), far], NO_ANNOTATIONS, free)
     done = edgemap.ok("map", "approach", tmp_path, *asked, "--json")
     document = json.loads(done.stdout)
-    assert (document["object"], document["frame"], document["floor"]) == (expected, "map", "free")
+    assert (document["object"], document["frame"], document["floor"]) == (f"chair-{number}", "map", "free")
     assert document["standoff_m"] == 0.4
     done = edgemap("map", "approach", tmp_path, "chair-1", "--near", "0,0")
     assert done.stdout.startswith("chair-1: x 1.")

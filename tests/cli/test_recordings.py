@@ -81,16 +81,26 @@ def test_wheels_that_are_given_go_on_the_tape_before_the_sources_own(edgemap, tm
     assert read_wheel(str(tape)).poses == (SE2(), SE2(0.25, 0.0, 0.5))
 
 
-def test_a_full_disk_names_the_recording_so_far(monkeypatch, capsys, pictures, tmp_path):
+@pytest.mark.parametrize(
+    ("words", "left"),
+    [
+        (["record", "-o", "a.mcap"], "the pictures so far are in a.mcap\n"),
+        pytest.param(["run", "--record", "a.mcap", "--out", "run"], "the map so far (1 objects) is in run/",
+                     marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
+def test_a_full_disk_names_what_there_is_so_far(monkeypatch, capsys, pictures, painted_bundle, tmp_path, words, left):
     def full(recorder):
         raise DiskError("a.mcap: cannot be written (No space left on device)")
 
     monkeypatch.setattr(Recorder, "close", full)
+    monkeypatch.chdir(tmp_path)
+    bundle = ["--bundle", str(painted_bundle)] if words[0] == "run" else []
     with pytest.raises(SystemExit) as ended:
-        main(["record", "--camera", str(pictures), "-o", str(tmp_path / "a.mcap")])
+        main([*words, "--camera", str(pictures), *bundle])
     assert ended.value.code == 4
-    line = f"(No space left on device); the pictures so far are in {tmp_path / 'a.mcap'}\n"
-    assert capsys.readouterr().err.endswith(line)
+    assert f"(No space left on device); {left}" in capsys.readouterr().err
+    assert not bundle or load_map(tmp_path / "run")[0].count > 0
 
 
 def test_ctrl_c_ends_a_recording_properly(started, tmp_path, pictures):

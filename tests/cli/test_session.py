@@ -59,10 +59,8 @@ def test_strict_raises_the_first_fault(painted_bundle, pictures):
 def test_what_a_source_does_not_bring_is_guessed_as_by_the_command(painted_bundle, pictures, tmp_path, mount, height_m):
     (pictures / "camera.yaml").unlink()
     given = () if mount is None else ("--mount", str(mount).strip("()").replace(" ", ""))
-    with (
-        pytest.warns(GuessWarning, match="guessed from 12 pictures: focal length 51") as warned,
-        edgemap_api.open(camera=pictures, bundle=painted_bundle, mount=mount) as session,
-    ):
+    opened, told = {"camera": pictures, "bundle": painted_bundle}, "guessed from 12 pictures: focal length 51"
+    with pytest.warns(GuessWarning, match=told) as warned, edgemap_api.open(**opened, mount=mount) as session:
         list(session)
     guess = cast(GuessWarning, warned[0].message).guess
     assert (guess.height_sigma == 0.0) == (height_m is not None)
@@ -157,6 +155,7 @@ def test_a_hint_works_from_where_the_installation_came(monkeypatch, origin, told
 
 
 LENS, MOUNT = (50.0, 50.0, 31.5, 31.5), (1.0, 0.0)  # of the painted bundle's scene, 64x64 px
+KNOWN = {"intrinsics": LENS, "mount": MOUNT}
 
 
 def noise(count):
@@ -166,7 +165,7 @@ def noise(count):
 @pytest.mark.parametrize("stamped", [False, True])
 def test_pushed_pictures_make_the_map_of_the_same_frames(painted_bundle, stamped):
     """Frames without stamps come ten times a second."""
-    pictures, options = noise(12), {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    pictures, options = noise(12), {**KNOWN, "bundle": painted_bundle}
     stamps = [(0.2 if stamped else 0.1) * index for index in range(12)]
     given = zip(stamps, pictures, strict=True) if stamped else iter(pictures)
     with edgemap_api.open(frames=given, **options) as session:
@@ -182,7 +181,7 @@ def test_pushed_pictures_make_the_map_of_the_same_frames(painted_bundle, stamped
 
 
 def test_pushed_wheels_move_the_robot(painted_bundle):
-    options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    options = {**KNOWN, "bundle": painted_bundle}
     with edgemap_api.open(**options) as session:
         for index, picture in enumerate(noise(8)):
             result = session.push(picture, 0.1 * index, wheels=(0.05 * index, 0.0, 0.0))
@@ -192,10 +191,13 @@ def test_pushed_wheels_move_the_robot(painted_bundle):
 
 
 def test_only_the_classes_asked_for_are_mapped_and_a_lens_of_another_size_is_warned_of(painted_bundle):
-    options = {"frames": noise(8), "intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    options = {"frames": noise(8), **KNOWN, "bundle": painted_bundle}
     with edgemap_api.open(**options, classes=["couch"]) as session:
         list(session)
     assert session.map == []
+    with edgemap_api.open(**options, classes=["person"]) as session:
+        list(session)
+    assert [item.label for item in session.map] == ["person"]  # mapped where it is named
     with pytest.raises(EdgemapError, match="classes unicorn: the bundle knows chair, couch, person"):
         edgemap_api.open(**options, classes=["unicorn"])
     half = [picture[:32, :32] for picture in noise(1)]
@@ -214,21 +216,15 @@ def test_only_the_classes_asked_for_are_mapped_and_a_lens_of_another_size_is_war
         ({"camera": "demo", "mount": 60}, "a lens 60 m above the floor"),
         ({"frames": 5}, "frames=5: expected pictures"),
         ({"frames": noise(2), "intrinsics": (50.0, 50.0), "mount": MOUNT}, "expected four numbers"),
-        (
-            {"frames": noise(2), "intrinsics": (31.5, 31.5, 500.0, 500.0), "mount": MOUNT},
-            "500,500 is outside the picture",
-        ),
-        ({"frames": [], "intrinsics": LENS, "mount": MOUNT}, "frames= has no picture"),
-        ({"frames": [np.zeros((8, 8))], "intrinsics": LENS, "mount": MOUNT}, r"is float64 \(8, 8\), expected a BGR"),
+        ({"frames": noise(2), "intrinsics": (31.5, 31.5, 500, 500), "mount": MOUNT}, "500,500 is outside the picture"),
+        ({"frames": [], **KNOWN}, "frames= has no picture"),
+        ({"frames": [np.zeros((8, 8))], **KNOWN}, r"is float64 \(8, 8\), expected a BGR"),
         ({"frames": noise(2), "camera": "demo"}, "camera= or frames=, not both"),
-        (
-            {"frames": noise(2), "intrinsics": LENS, "mount": MOUNT, "map": "home", "clustering": "paper"},
-            "a saved map goes on by association",
-        ),
-        ({"intrinsics": LENS, "mount": MOUNT, "confidence": 3.0}, "confidence=3: expected more than 0, at most 1"),
-        ({"frames": noise(1), "intrinsics": LENS, "mount": MOUNT, "rate": -1.0}, "rate=-1: expected more than 0"),
-        ({"frames": noise(1), "intrinsics": LENS, "mount": MOUNT, "rotate": 90}, "rotate=90: only the source"),
-        ({"frames": noise(1), "intrinsics": LENS, "mount": MOUNT, "start": "dock"}, r"in a saved map \(--map, map=\)"),
+        ({"frames": noise(2), **KNOWN, "map": "home", "clustering": "paper"}, "a saved map goes on by association"),
+        ({**KNOWN, "confidence": 3.0}, "confidence=3: expected more than 0, at most 1"),
+        ({"frames": noise(1), **KNOWN, "rate": -1.0}, "rate=-1: expected more than 0"),
+        ({"frames": noise(1), **KNOWN, "rotate": 90}, "rotate=90: only the source"),
+        ({"frames": noise(1), **KNOWN, "start": "dock"}, r"in a saved map \(--map, map=\)"),
     ],
 )
 def test_errors_name_a_parameter_that_exists(painted_bundle, options, words):
@@ -240,7 +236,7 @@ def test_errors_name_a_parameter_that_exists(painted_bundle, options, words):
 
 @pytest.mark.parametrize("start", [(1.0, -2.0, 0.5), SE2(1.0, -2.0, 0.5), "1,-2,28.64788975654116", "dock"])
 def test_a_saved_map_goes_on_at_a_stated_pose(painted_bundle, tmp_path, start):
-    options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    options = {**KNOWN, "bundle": painted_bundle}
     save_map(tmp_path / "map.json", [], Annotations(dock=SE2(1.0, -2.0, 0.5)))
     with edgemap_api.open(map=tmp_path / "map.json", start=start, **options) as session:
         pose = session.push(noise(1)[0], 0.0).pose_map_base
@@ -248,7 +244,7 @@ def test_a_saved_map_goes_on_at_a_stated_pose(painted_bundle, tmp_path, start):
 
 
 def test_what_is_searched_believed_and_used_of_the_source_is_stated(painted_bundle):
-    pushed = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    pushed = {**KNOWN, "bundle": painted_bundle}
     with edgemap_api.open(rate=2.0, wheels=False, confidence=0.99, **pushed) as session:
         steps = [session.push(one, 0.1 * n, wheels=(0.05 * n, 0.0, 0.0)) for n, one in enumerate(noise(11))]
     assert [step.frame.index for step in steps if step.frame.search] == [0, 5, 10]
@@ -260,7 +256,7 @@ def test_a_saved_map_without_objects_keeps_its_zones(painted_bundle, tmp_path):
     """There is nothing to relocalise by, so the session continues it at once, as the command does."""
     hall = Zone("zone-1", "hall", ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0)))
     save_map(tmp_path / "map.json", [], Annotations(zones=(hall,), dock=SE2(1.0, 2.0, 0.0)))
-    options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    options = {**KNOWN, "bundle": painted_bundle}
     with edgemap_api.open(map=tmp_path / "map.json", **options) as session:
         first = session.push(noise(1)[0], 0.0)
     assert (first.pose_map_base.x_m, first.pose_map_base.y_m) == (1.0, 2.0)
@@ -281,7 +277,7 @@ def test_a_session_that_reads_a_camera_or_is_closed_takes_no_pictures(painted_bu
 
 @pytest.mark.parametrize(("unit", "begin_s"), [(1e3, 0.0), (1e6, 1.7e9), (1e9, 0.0)])
 def test_stamps_that_cannot_be_seconds_are_refused(unit, begin_s, painted_bundle):
-    options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    options = {**KNOWN, "bundle": painted_bundle}
     wanted = pytest.raises(CameraError, match="stamps are seconds, not milliseconds")
     with edgemap_api.open(**options) as session, wanted:
         for index, picture in enumerate(noise(5)):

@@ -36,7 +36,6 @@ def test_a_simulated_world_judges_by_what_it_has_shown_and_lines_tell_it():
     judge = judge_of("sim:9150", PacedCamera(World(record("chair", 2.0), record("bed", 5.0))), {"chair"})
     assert [row.state for row in judge([CHAIR], 60)] == ["found"]
     judge = judge_of("sim:1", World(record("chair", 2.0), record("bed", 5.0)), None)
-    assert judge is not None
     first, second, last = object_lines([CHAIR], judge([CHAIR], 60))
     assert first.endswith("found, 0.30 m off")
     assert second.split() == ["bed", "x", "5.00", "m", "y", "0.00", "m", "missed"]

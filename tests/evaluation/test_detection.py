@@ -132,9 +132,8 @@ def pictured(true, found, ignored=()):
         return np.array([row[0] for row in rows], dtype=np.int64)
 
     mask = np.array([index in ignored for index in range(len(true))], dtype=bool)
-    return ScoredPicture(
-        100, 100, boxes(true), labels(true), boxes(found), labels(found), np.array([row[2] for row in found]), mask
-    )
+    scores = np.array([row[2] for row in found])
+    return ScoredPicture(100, 100, boxes(true), labels(true), boxes(found), labels(found), scores, mask)
 
 
 def chairs(*pictures):

@@ -74,10 +74,8 @@ def test_what_saw_nothing_has_nulls():
     figures = score_grid(None, TRUTH)
     assert figures["free"] == {"precision": None, "precision_10cm": None, "recall": 0.0}
     assert (figures["occupied"]["precision_10cm"], figures["walls"]["recall"]) == (None, None)
-    assert scored([], []) == {
-        "rooms": {"found": 0.0, "mean_iou": None, "precision": None, "kinds": None},
-        "doors": {"precision": None, "recall": 0.0},
-    }
+    nothing = {"found": 0.0, "mean_iou": None, "precision": None, "kinds": None}
+    assert scored([], []) == {"rooms": nothing, "doors": {"precision": None, "recall": 0.0}}
 
 
 PLAN = TruePlan(
@@ -103,17 +101,16 @@ def test_only_what_was_seen_is_asked_for_and_judged():
     assert scored(rooms, [wrong])["doors"] == {"precision": 0.0, "recall": 0.0}
 
 
-def mask_from(rows, width=8, height=10):
-    """A mask of a picture whose floor begins at a row, cell by pixel."""
-    floor = np.zeros((height, width), np.float32)
-    floor[rows:] = 1.0
-    return FloorMask(floor, width, height)
-
-
-def labels_from(rows, width=8, height=10):
-    labels = np.zeros((height, width), np.uint8)
+def labels_from(rows):
+    """Labels of a picture of 8x10 px whose floor begins at a row."""
+    labels = np.zeros((10, 8), np.uint8)
     labels[rows:] = 1
     return labels
+
+
+def mask_from(rows):
+    """The mask of such a picture, cell by pixel."""
+    return FloorMask(labels_from(rows).astype(np.float32), 8, 10)
 
 
 def test_overlap_is_pooled_over_pictures_and_leaves_out_what_is_unknown():

@@ -2,6 +2,7 @@
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 
@@ -72,6 +73,14 @@ def test_a_map_tells_how_true_its_confidences_are():
     truth = [true("chair", 1, 0), true("chair", 7, 0, frames=3)]
     (one,) = score_map(objects, truth)["reliability"]["bins"]
     assert (one["objects"], one["real"], one["mean_confidence"]) == (2, 1, 1.0)
+
+
+def test_a_reliability_diagram_is_drawn_without_objects_too(tmp_path):
+    charts = pytest.importorskip("edgemap.plots.charts", reason="figures need the extra 'plot'")
+    bins = [{"from": 0.9, "to": 1.0, "objects": 4, "real": 3, "mean_confidence": 0.95}]
+    for name, told in (("some", {"ece": 0.2, "bins": bins}), ("none", {"ece": None, "bins": []})):
+        drawing = cv2.imread(str(charts.plot_reliability(tmp_path / f"{name}.png", told)))
+        assert drawing.std() > 1.0
 
 
 def test_every_state_by_hand():

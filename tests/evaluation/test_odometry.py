@@ -41,13 +41,12 @@ def test_segments_agree_with_the_development_kits_way_of_counting():
     found = integrated([SE2(*row) for row in rng.normal([0.1, 0, 0], [0.05, 0.02, 0.2], (150, 3))])
     expected = []
     for first in range(0, len(true), 10):
-        gone, last = 0.0, None
-        for i in range(first + 1, len(true)):
-            gone += math.dist((true[i].x_m, true[i].y_m), (true[i - 1].x_m, true[i - 1].y_m))
+        gone = 0.0
+        for last in range(first + 1, len(true)):
+            gone += math.dist((true[last].x_m, true[last].y_m), (true[last - 1].x_m, true[last - 1].y_m))
             if gone > 3.0:
-                last = i
                 break
-        if last is None:
+        else:
             continue
         delta_true = np.linalg.inv(true[first].matrix()) @ true[last].matrix()
         delta_found = np.linalg.inv(found[first].matrix()) @ found[last].matrix()
@@ -144,10 +143,8 @@ def test_drift_is_a_share_of_the_segments_length():
     assert found["t_rel_percent"] == {"2.05": pytest.approx(100 * 0.105 / 2.05), "20": None}
     assert found["r_rel_deg_per_m"] == {"2.05": pytest.approx(0.0, abs=1e-9), "20": None}
     assert found["t_rel_mean_percent"] == pytest.approx(100 * 0.105 / 2.05)
-    turning = integrated([SE2(0.1, 0, math.radians(0.05))] * 100)
-    assert score_trajectory(STRAIGHT, turning, lengths_m=(0.95,))["r_rel_deg_per_m"]["0.95"] == pytest.approx(
-        0.5 / 0.95
-    )
+    turning = score_trajectory(STRAIGHT, integrated([SE2(0.1, 0, math.radians(0.05))] * 100), lengths_m=(0.95,))
+    assert turning["r_rel_deg_per_m"]["0.95"] == pytest.approx(0.5 / 0.95)
 
 
 def test_a_drive_too_short_for_all_lengths_has_null():
@@ -201,30 +198,23 @@ def test_creep_is_what_is_estimated_while_nothing_moves():
     # The first and the last frame stand still; the second moves 0.6 mm, the third turns 0.02 degrees.
     assert still["frames"] == 2
     assert still["cm_per_frame"] == {"mean": pytest.approx(0.2), "max": pytest.approx(0.3)}
-    assert still["deg_per_frame"] == {
-        "mean": pytest.approx(math.degrees(0.005)),
-        "max": pytest.approx(math.degrees(0.01)),
-    }
+    mean_deg, max_deg = math.degrees(0.005), math.degrees(0.01)
+    assert still["deg_per_frame"] == {"mean": pytest.approx(mean_deg), "max": pytest.approx(max_deg)}
     moving = score_trajectory(STRAIGHT, STRAIGHT)["still"]
     assert moving == {"frames": 0, "cm_per_frame": None, "deg_per_frame": None}
 
 
 def test_the_worst_is_judged_over_the_longest_length_that_most_have():
-    drives = {
-        "good": errors_of(STRAIGHT, longer(0.01)),
-        "bad": errors_of(STRAIGHT, longer(0.04)),
-        "short": errors_of(STRAIGHT[:40], longer(0.03)[:40]),
-    }
-    worst = worst_drive(drives)
+    good, bad = (errors_of(STRAIGHT, longer(share)) for share in (0.01, 0.04))
+    worst = worst_drive({"good": good, "bad": bad, "short": errors_of(STRAIGHT[:40], longer(0.03)[:40])})
     assert (worst["sequence"], worst["length_m"]) == ("bad", 2.0)
     assert worst["t_rel_percent"] == pytest.approx(4.0, rel=0.06)
     assert worst_drive({"short": errors_of(STRAIGHT[:4], STRAIGHT[:4])}) is None
 
 
 def attitude(roll_deg, pitch_deg, sigma_deg=0.5, source="imu"):
-    return Attitude(
-        math.radians(roll_deg), math.radians(pitch_deg), np.eye(2) * math.radians(sigma_deg) ** 2, source=source
-    )
+    roll_rad, pitch_rad, sigma_rad = np.radians([roll_deg, pitch_deg, sigma_deg]).tolist()
+    return Attitude(roll_rad, pitch_rad, np.eye(2) * sigma_rad**2, source=source)
 
 
 def test_errors_by_hand():

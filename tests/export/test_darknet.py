@@ -116,18 +116,20 @@ def test_a_cfg_that_is_wrong_says_where(small_cfg, old, new, words):
     assert words in refusal(Darknet.from_cfg, small_cfg)
 
 
+HEAD = "[convolutional]\nfilters=6\nsize=1\nactivation=linear\n[yolo]\nmask=0\nanchors=1,1\nclasses=1\n"
+
+
 def test_routes_join_and_split_channels():
-    head = "[convolutional]\nfilters=6\nsize=1\nactivation=linear\n[yolo]\nmask=0\nanchors=1,1\nclasses=1\n"
     net = "[net]\nwidth=4\nheight=4\nchannels=4\n[route]\nlayers=-1\n"
-    assert "this is layer 0" in refusal(Darknet.from_cfg, net + head)
+    assert "this is layer 0" in refusal(Darknet.from_cfg, net + HEAD)
     start = "[net]\nwidth=4\nheight=4\nchannels=4\n[convolutional]\nfilters=4\nsize=1\nactivation=linear\n"
-    network = Darknet.from_cfg(start + "[route]\nlayers=-1\ngroups=2\ngroup_id=1\n[route]\nlayers=-1,0\n" + head).eval()
+    network = Darknet.from_cfg(start + "[route]\nlayers=-1\ngroups=2\ngroup_id=1\n[route]\nlayers=-1,0\n" + HEAD).eval()
     assert [shape[0] for shape in network.shapes] == [4, 2, 6, 6, 6]
     network.outputs = (0, 2)
     with torch.no_grad():
         first, joined = network(torch.rand(1, 4, 4, 4))
     torch.testing.assert_close(joined, torch.cat([first[:, 2:], first], dim=1))
-    uneven = start + "[maxpool]\nsize=2\nstride=2\n[route]\nlayers=0,1\n" + head
+    uneven = start + "[maxpool]\nsize=2\nstride=2\n[route]\nlayers=0,1\n" + HEAD
     assert "different sizes (0: 4x4, 1: 2x2)" in refusal(Darknet.from_cfg, uneven)
 
 
@@ -149,8 +151,7 @@ def test_maxpool_pads_as_darknet_does(size, stride, cells):
                     if 0 <= row < cells and 0 <= column < cells:
                         expected[i, j] = max(expected[i, j], image[row, column])
     net = f"[net]\nwidth={cells}\nheight={cells}\nchannels=1\n[maxpool]\nsize={size}\nstride={stride}\n"
-    head = "[convolutional]\nfilters=6\nsize=1\nactivation=linear\n[yolo]\nmask=0\nanchors=1,1\nclasses=1\n"
-    network = Darknet.from_cfg(net + head).eval()
+    network = Darknet.from_cfg(net + HEAD).eval()
     assert network.shapes[0] == (1, count, count)
     network.outputs = (0,)
     (found,) = network(torch.from_numpy(image)[None, None])

@@ -22,22 +22,15 @@ from edgemap.runtime.network.store import bundle_folder, install_folder
 def test_manifest_of_a_small_network(small):
     manifest = read_manifest(small)
     detector, head = manifest.detector, manifest.odometry["paper"]
-    assert (manifest.name, detector.decode, detector.input.resize, detector.input.pad) == (
-        "small",
-        "yolov3",
-        "stretch",  # its cfg has the fork's scale_x_y
-        127,
-    )
+    stated = manifest.name, detector.decode, detector.input.resize, detector.input.pad
+    assert stated == ("small", "yolov3", "stretch", 127)  # its cfg has the fork's scale_x_y
     assert (detector.input.colour, detector.input.scale, detector.input.width) == ("rgb", 1.0, 32)
     (only,) = detector.heads
     assert (only.shape, only.strides, only.anchors, only.scale_xy) == ((1, 7, 4, 4), (8,), ((10.0, 12.0),), 1.05)
     assert [(f.name, f.shape, f.stride) for f in detector.features] == [(only.name, (1, 7, 4, 4), 8)]
     assert [entry.name for entry in detector.classes] == ["class 0", "class 1"]
-    assert (head.feature, head.trained, head.parameters) == (
-        only.name,
-        False,
-        random_head((1, 7, 4, 4)).parameters_count,
-    )
+    parameters = random_head((1, 7, 4, 4)).parameters_count
+    assert (head.feature, head.trained, head.parameters) == (only.name, False, parameters)
     assert set(manifest.sha256) == {"backbone.onnx", "odometry.paper.onnx"}
     assert manifest.measured["weights"]["float32_values"] == 659
     assert manifest.measured["weights"]["pictures_seen"] == 77
@@ -110,9 +103,7 @@ def test_failed_parity_of_the_final_state_alone_is_seen(tmp_path, small_cfg, sma
 
 
 @pytest.mark.usefixtures("traced_once")
-def test_a_failed_export_keeps_the_older_bundle_and_a_good_one_replaces_it(
-    small, small_cfg, small_weights, monkeypatch
-):
+def test_a_failed_export_keeps_the_bundle_and_a_good_one_replaces_it(small, small_cfg, small_weights, monkeypatch):
     before = sha256_file(small / "bundle.json")
     with monkeypatch.context() as patch:
         patch.setattr(parity, "RELATIVE_TOLERANCE", 0.0)
@@ -162,9 +153,7 @@ def test_a_trained_head_brings_its_facts_along(tmp_path, small_cfg, small_weight
 
 
 @pytest.mark.usefixtures("traced_once")
-def test_a_bundle_of_an_own_network_has_the_name_of_its_folder_on_the_robot_too(
-    tmp_path, small_cfg, small_weights, monkeypatch
-):
+def test_an_own_networks_bundle_has_its_folders_name_on_the_robot_too(tmp_path, small_cfg, small_weights, monkeypatch):
     monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
     made = export_backbone(str(small_cfg), tmp_path / "my-bundle", weights=small_weights)
     installed = install_folder(made)

@@ -203,9 +203,7 @@ def test_the_teacher_sees_a_picture_and_its_mirror_image(monkeypatch):
     np.testing.assert_array_equal(shares, taught(monkeypatch, LeftToRight, picture[:, ::-1])[:, ::-1])
     # Row 5 is white at each size; its column 2 lies between columns 2 and 3 of the teacher's output, see `at`.
     odds = [np.exp((40 + 4 * column) / 8.0 - 6.0) for column in range(8)]  # of floor against other
-    means = [
-        np.mean([odds[c] / (odds[c] + 1.0 + 30.0 * np.exp(-6.0)) for c in (column, 7 - column)]) for column in (2, 3)
-    ]
+    means = [np.mean([odds[c] / (odds[c] + 1.0 + 30.0 * np.exp(-6.0)) for c in pair]) for pair in ((2, 5), (3, 4))]
     at = np.array([0.0, 0.375, 0.75])  # at the sizes 1, 0.7 (6 of 8 columns) and 0.5 (4 of 8)
     mean = (means[0] + at * (means[1] - means[0])).mean()
     floor = 1.0 / (1.0 + ((1.0 - mean) / mean * np.exp(-1.0)) ** 2)

@@ -143,10 +143,8 @@ def test_a_pickle_with_code_in_it_runs_nothing(tmp_path):
 def test_a_checkpoint_that_lies_about_its_size_takes_no_memory(tmp_path, head):
     (tmp_path / "a.pt").write_bytes(head[0])
     document = torch.load(tmp_path / "a.pt", weights_only=True)
-    for changes, words in (
-        ({"shape": [1, 4096, 4096, 4096]}, "weights do not fit"),
-        ({"state_dict": {"a": torch.zeros(1).expand(1 << 40)}}, "no dense tensor"),
-    ):
+    shape, weights = {"shape": [1, 4096, 4096, 4096]}, {"state_dict": {"a": torch.zeros(1).expand(1 << 40)}}
+    for changes, words in ((shape, "weights do not fit"), (weights, "no dense tensor")):
         torch.save(document | changes, tmp_path / "a.pt")
         assert words in refusal(load_head, tmp_path / "a.pt")
     document["state_dict"]["out.bias"][0] = float("inf")

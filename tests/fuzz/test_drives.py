@@ -73,11 +73,8 @@ class Clocks(Driver):
         turn_rad = (self.room.pose.inverse() @ pose_at(0.05 * self.number)).yaw_rad
         self.room.pose = pose_at(0.05 * self.number)
         stamps = np.linspace(before_s, self._device_s, 8)[1:] if 0.0 < step_s < 10.0 else [self._device_s]
-        return (
-            (self._device_s if odd is None else odd),
-            PICTURES[self.number % 16],
-            samples(list(stamps), turn_rad / max(host_s, 0.03), self._random),
-        )
+        turned = samples(list(stamps), turn_rad / max(host_s, 0.03), self._random)
+        return (self._device_s if odd is None else odd), PICTURES[self.number % 16], turned
 
     def grab(self):
         given = self.next()
@@ -96,22 +93,11 @@ class Clocks(Driver):
 
 REASONS = (RuntimeError("USB\nreset"), OSError(19, "No such device"), MemoryError(), ValueError("?"))
 DEAD, WEDGED = "dead", "wedged"  # raises, or is silent, until it is opened again
-SPOILT = (
-    *REASONS,
-    DEAD,
-    WEDGED,
-    None,
-    "text",
-    (1.0, None),
-    (1.0, PICTURES[0][::2, ::2]),
-    (1.0, PICTURES[0].astype(np.float32)),
-)
+ODD_PICTURES = (None, PICTURES[0][::2, ::2], PICTURES[0].astype(np.float32))
+SPOILT = (*REASONS, DEAD, WEDGED, None, "text", *((1.0, picture) for picture in ODD_PICTURES))
 # Before which frames the device fails, with what grabs give or raise, and how often it then does not open.
-failures = st.dictionaries(
-    st.integers(1, LENGTH - 1),
-    st.tuples(st.lists(st.sampled_from(SPOILT), min_size=1, max_size=25), st.integers(0, 3)),
-    max_size=4,
-)
+fails = st.tuples(st.lists(st.sampled_from(SPOILT), min_size=1, max_size=25), st.integers(0, 3))
+failures = st.dictionaries(st.integers(1, LENGTH - 1), fails, max_size=4)
 
 
 class Failing(Clocks):
@@ -336,11 +322,10 @@ def driven(start, swing_rad, seed):
         poses.append((start.inverse() @ result.pose_map_base).vector())
         if result.correction is not None:
             corrected.append(result.frame.index)
-    back = start.rotation().T
-    objects = {
-        item.id: np.column_stack([start.inverse().apply(item.position_m), back @ item.covariance_m2 @ back.T])
-        for item in checked.end()
-    }
+    back, objects = start.rotation().T, {}
+    for item in checked.end():
+        own = back @ item.covariance_m2 @ back.T
+        objects[item.id] = np.column_stack([start.inverse().apply(item.position_m), own])
     return np.array(poses), corrected, objects
 
 

@@ -5,7 +5,6 @@ import json
 import math
 import shutil
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 from hypothesis import given
@@ -31,6 +30,7 @@ ROOM = [
     ("chair", 4.0, 0.5), ("plant", 7.6, 3.0), ("plant", 0.4, 3.0),
 ]  # fmt: skip
 POSES = round_trip(40)
+MASKS = [floor_mask(BOX, pose) for pose in POSES]
 SEEN_M = 20.0  # beyond a pose: what is in view there, and the margin of the grid
 
 ODD = (0.0, 20.0, -49.0, 49.0, 51.0, -400.0, 1e3, 1e6, -1e6, 1e9, 1e308, math.nan, math.inf, -math.inf, 5e-324)
@@ -38,9 +38,8 @@ number = st.floats(-10.0, 10.0) | st.sampled_from(ODD)
 place = st.tuples(number, number)
 pose = st.tuples(number, number, number)
 text = st.text(max_size=4) | st.sampled_from(("", "chair", "bed", " ", "\0", "a" * 81, "\u202e", "\ud800", "=1+1"))
-identity = st.sampled_from(
-    ("chair-1", "chair-2", "bed-1", "table-1", "plant-1", "tv-1", "chair-added-1", "zone-1", "zone-2", "dock", "", "x")
-)
+PIECES = ("chair-1", "chair-2", "bed-1", "table-1", "plant-1", "tv-1", "chair-added-1")
+identity = st.sampled_from((*PIECES, "zone-1", "zone-2", "dock", "", "x"))
 edit = st.one_of(
     st.builds(Edit, st.just("pose"), pose=pose, sigmas=st.none() | st.tuples(number, number, number)),
     st.builds(Edit, st.just("dock"), pose=pose),
@@ -62,11 +61,6 @@ action = st.one_of(
 )
 
 
-@cache
-def mask(index):
-    return floor_mask(BOX, POSES[index])
-
-
 class Edited:
     """A robot that drives round a room while people edit its map. folder: where it is saved. draw: of hypothesis."""
 
@@ -83,7 +77,7 @@ class Edited:
             index, last = self.count % len(POSES), (self.count - 1) % len(POSES)
             motion = exact([POSES[last], POSES[index]])[1]
             seen = observed(self.count, sighted(ROOM, POSES[index], self.count, self.random), motion)
-            update = self.mapper.step(replace(seen, camera=CAMERA, floor=mask(index)))
+            update = self.mapper.step(replace(seen, camera=CAMERA, floor=MASKS[index]))
             assert np.isfinite(update.pose_map_base.vector()).all()
             self.count += 1
 

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from support.rooms import PAIRS, ROOMS, floor, furnished, mapped, somewhere
+from support.units import ended
 
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
 from edgemap.geometry.objects.merge import merge_all
@@ -46,10 +47,8 @@ def test_most_rooms_of_twelve_things_are_found_and_no_unrelated_ones():
     for _ in range(30):
         room, other = furnished(random, 12), furnished(random, 12)
         motion = somewhere(random)
-        first, second, third = (
-            mapped(things, pose, random, sigma_m=0.1, missed=0.2, false=1)
-            for things, pose in ((room, SE2()), (room, motion), (other, motion))
-        )
+        drawn = ((room, SE2()), (room, motion), (other, motion))
+        first, second, third = (mapped(*each, random, sigma_m=0.1, missed=0.2, false=1) for each in drawn)
         found += _aligns(first, second)
         wrong += _aligns(first, third)
     assert found >= 27
@@ -122,15 +121,9 @@ def test_the_work_comes_in_units_of_bounded_size_and_finds_the_same(monkeypatch)
         return apply(motions, points)
 
     monkeypatch.setattr(Motions, "apply", counted)
-    units, found = 0, None
-
-    def counting():
-        nonlocal found
-        found = yield from aligning(first, second)
-
-    for _ in counting():
-        units += 1
-    assert units > 20
+    units: list = []
+    found = ended(aligning(first, second), units)
+    assert len(units) > 20
     assert max(distances) <= CHUNK
     assert found.pairs == align(first, second).pairs
 

@@ -50,10 +50,8 @@ def test_the_attitudes_covariance_reaches_the_floor_beside_the_axis_as_sampling_
     covariance = np.array([[4.0, 1.5], [1.5, 1.0]]) * math.radians(0.5) ** 2
     camera = FloorCamera(PLAIN, mount).at(Attitude(0.0, mount.pitch_rad, covariance))
     own, _ = floor_covariances(camera, pixel, [[0.0, 0.0]], FloorNoise(0.0, 0.0))
-    places = [
-        camera.at(Attitude(roll, mount.pitch_rad + pitch, EXACT)).floor_points(pixel)[0]
-        for roll, pitch in rng.multivariate_normal([0.0, 0.0], covariance, 4000)
-    ]
+    tilts = rng.multivariate_normal([0.0, mount.pitch_rad], covariance, 4000)
+    places = [camera.at(Attitude(roll, pitch, EXACT)).floor_points(pixel)[0] for roll, pitch in tilts]
     np.testing.assert_allclose(own[0], np.cov(np.transpose(places)), rtol=0.1, atol=2e-5)
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from support.drifting import drifting, integrated, worst_m
 from support.drives import observed, round_trip, sighted
-from support.rooms import furnished
+from support.rooms import ROOM
 
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeRule
@@ -10,8 +10,6 @@ from edgemap.geometry.slam.loop_closure import witnessed
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.mapper import Mapper
-
-ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 
 
 def new_mapper(rule=None):

@@ -62,10 +62,8 @@ def test_the_posterior_of_a_label_is_bayes_over_its_sightings():
     assert label_posterior({"chair": 0.0}, RULE) == {"chair": 1.0}
 
 
-ROWS = st.lists(
-    st.tuples(st.sampled_from(["chair", "vase", "couch"]), st.floats(0, 3), st.floats(0, 3), st.integers(1, 99)),
-    max_size=12,
-)
+ROW = st.tuples(st.sampled_from(["chair", "vase", "couch"]), st.floats(0, 3), st.floats(0, 3), st.integers(1, 99))
+ROWS = st.lists(ROW, max_size=12)
 
 
 @given(ROWS, st.integers(0, 999))

@@ -31,10 +31,8 @@ def drive(placed, seed, frames=60):
         seen = [("chair" if rng.random() < 0.05 else label, spot) for label, spot in seen]
         seen += [("vase", rng.uniform(-3, 3, 2))] if rng.random() < 0.2 else []
         here = [(label, spot + drift * frame + rng.normal(0, sigma_m, 2)) for label, spot in seen]
-        yield [
-            replace(placed(label, *spot, frame, sigma_m=sigma_m, score=rng.uniform(0.3, 0.95)), pose_covariance=pose)
-            for label, spot in here
-        ]
+        own = [placed(label, *spot, frame, sigma_m=sigma_m, score=rng.uniform(0.3, 0.95)) for label, spot in here]
+        yield [replace(sighting, pose_covariance=pose) for sighting in own]
 
 
 @given(st.integers(0, 10**6))
@@ -162,6 +160,9 @@ def test_the_papers_clusters_are_scipys_in_any_order(placed_, count, spread, see
             mine = points[by_point == item.id]
             assert item.count == len(mine)
             assert item.position_m == pytest.approx(mine.mean(axis=0))
+            frames = [frame for frame, one in enumerate(ids) if chairs.merged.get(one, one) == item.id]
+            assert item.id == min((ids[frame] for frame in frames), key=id_order)  # clusters that grow together
+            assert (item.first_seen_s, item.last_seen_s) == pytest.approx((frames[0] / 10, frames[-1] / 10))
 
 
 CHAIRS = [(2.0, 0.35), (2.0, -0.35), (2.7, 0.35), (2.7, -0.35)]  # 0.7 m apart, round a table
@@ -231,17 +232,6 @@ def test_weak_objects_that_are_not_seen_again_are_forgotten(placed):
         chairs.bound()
     assert len(chairs.graph.landmarks.all) <= chairs.graph.rule.maximum + 1
     assert [item.label for item in chairs.objects()] == ["chair"]
-
-
-def test_paper_ids_follow_clusters_that_grow_together(placed):
-    chairs = PaperMap()
-    chairs.update([placed("chair", 0.0, 0.0, 0)])
-    assert chairs.update([placed("chair", 1.8, 0.0, 1)]) == ["chair-2"]
-    assert chairs.update([placed("chair", 0.9, 0.0, 2)]) == ["chair-1"]
-    (one,) = chairs.objects()
-    assert (one.id, one.count, chairs.merged) == ("chair-1", 3, {"chair-2": "chair-1"})
-    assert one.position_m == pytest.approx([0.9, 0.0])
-    assert (one.first_seen_s, one.last_seen_s) == (0.0, pytest.approx(0.2))
 
 
 def test_confidence_is_the_probability_that_such_an_object_is_real(placed):

@@ -81,11 +81,8 @@ def test_equation_4_is_exact_with_optical_depth_and_positive_left(height_m, pitc
     assert depth * (CAMERA.cx - pixel[0]) / CAMERA.fx == pytest.approx(left_m, abs=1e-6)
 
 
-BESIDE = DepthCamera(
-    Intrinsics(80, 60, 73.0, 73.0, 40.0, 30.0),
-    Rotation.from_euler("yx", [2.0, -1.5], degrees=True).as_matrix(),
-    np.array([-0.05, 0.01, 0.02]),
-)
+TURN = Rotation.from_euler("yx", [2.0, -1.5], degrees=True).as_matrix()
+BESIDE = DepthCamera(Intrinsics(80, 60, 73.0, 73.0, 40.0, 30.0), TURN, np.array([-0.05, 0.01, 0.02]))
 NORMAL, AWAY_M = np.array([0.2, -0.3, 0.93]), 2.0  # of a plane, in the picture's optical frame
 
 
@@ -132,10 +129,6 @@ def test_the_nearer_of_two_hides_the_other_and_holes_stay_holes():
     np.testing.assert_array_equal(registered[10, shift[3.0] + 1 : 40 + shift[3.0]], 3.0)
     np.testing.assert_array_equal(registered[10, 41 + shift[3.0] : 39 + shift[1.0]], 0.0)
     np.testing.assert_array_equal(registered[:5], 0.0)
-
-
-def test_a_depth_picture_of_another_size_is_none():
-    assert DepthRegistration(BESIDE, BESIDE.intrinsics).registered(np.ones((30, 40), np.float32)) is None
 
 
 def test_depth_of_a_patch_by_hand():

@@ -8,13 +8,7 @@ from support.seen import CAMERA, box_of, look
 
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter
-from edgemap.geometry.objects.visibility import (
-    ViewRule,
-    expected_boxes,
-    floor_in_place,
-    in_plain_view,
-    iou,
-)
+from edgemap.geometry.objects.visibility import ViewRule, expected_boxes, floor_in_place, in_plain_view, iou
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
@@ -60,7 +54,6 @@ def test_the_expected_box_is_the_projected_cylinder():
     (box,) = expected_boxes([chair], CAMERA, SE2())
     x, y = chair.position_m
     true = box_of("chair", x, y, SE2())
-    assert true is not None
     assert box == pytest.approx(true, abs=12.0)  # radius 0.28 m against 0.25 m, mean height against 0.7 m
     assert iou(true, box[None])[0] > 0.8
     assert np.isnan(expected_boxes([chair], CAMERA, SE2(0.0, 0.0, math.pi))).all()

@@ -111,10 +111,8 @@ def test_a_motion_is_as_uncertain_as_its_tracks_show(noise_px, off_m):
 
 
 def test_a_blurred_picture_is_less_sure_than_a_sharp_one():
-    sharp, blurred = (
-        np.trace(last_motion(followed(walk(12), np.random.default_rng(0), [0.1] * 11 + [last_px]))[1])
-        for last_px in (0.1, 1.5)
-    )
+    windows = (followed(walk(12), np.random.default_rng(0), [0.1] * 11 + [last_px]) for last_px in (0.1, 1.5))
+    sharp, blurred = (np.trace(last_motion(window)[1]) for window in windows)
     assert blurred > 20.0 * sharp
 
 
@@ -282,9 +280,8 @@ def test_an_eliminated_pose_leaves_the_solution_of_the_others():
     root = rng.normal(size=(40, 18))
     information, right = root.T @ root, rng.normal(size=18)
     solution = np.linalg.solve(information, right)
-    np.testing.assert_allclose(
-        np.linalg.solve(*_without(information, right, range(6, 12))), np.delete(solution, range(6, 12)), rtol=1e-4
-    )
+    left = _without(information, right, range(6, 12))
+    np.testing.assert_allclose(np.linalg.solve(*left), np.delete(solution, range(6, 12)), rtol=1e-4)
 
 
 def test_factors_are_the_derivatives_of_their_residuals():

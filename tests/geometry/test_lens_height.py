@@ -31,17 +31,10 @@ def box_of(label, column, foot, height_m):
     f, (usual_m, _) = fall(column, foot), HEIGHT_M[label]
     depth_m = min(footprint_m(label, 0.0))
     # Higher than the lens its top is at the foot's range; lower, the far upper edge is seen.
-    top = (
-        f * (1.0 - usual_m / height_m)
-        if usual_m > height_m
-        else (f - f * usual_m / height_m) / (1.0 + f * depth_m / height_m)
-    )
-    rows = fall(column, 5.0), top, f
-    return (
-        [column - 30, brentq(lambda row: fall(column, row) - top, 5.0, foot), column + 30, foot]
-        if rows[0] < top
-        else None
-    )
+    top = f * (1.0 - usual_m / height_m) / (1.0 if usual_m > height_m else 1.0 + f * depth_m / height_m)
+    if fall(column, 5.0) >= top:
+        return None
+    return [column - 30, brentq(lambda row: fall(column, row) - top, 5.0, foot), column + 30, foot]
 
 
 def detections(*boxes, label="chair", score=0.9):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.units import ended
 
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam import loop_hypotheses
@@ -76,13 +77,7 @@ OWN = 0.02**2 + 0.1**2 / 2.0  # m^2, of each object's position by itself, seen f
 
 
 def certain_pairings(*arguments, **options):
-    """The result, whatever the units of work."""
-    work = loop_hypotheses.certain_pairings(*arguments, **options)
-    try:
-        while True:
-            next(work)
-    except StopIteration as end:
-        return end.value
+    return ended(loop_hypotheses.certain_pairings(*arguments, **options))
 
 
 def drifted(before, now, shift_sigma_m=0.5):

@@ -8,16 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
+from support.units import ended
 
 from edgemap.geometry.arrays import inverse
 from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.geometry.slam import least_squares as graph
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
-from edgemap.geometry.slam.least_squares import (
-    ObservationFactors,
-    OdometryFactors,
-    Problem,
-)
+from edgemap.geometry.slam.least_squares import ObservationFactors, OdometryFactors, Problem
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 FIXED = np.eye(3) * 1e8
@@ -39,15 +36,6 @@ def solve(poses, landmarks, chain, looks, known=0.0, kernel=9.0, rounds=6, freed
     landmarks = np.reshape(np.asarray(landmarks, dtype=float), (-1, 2))
     priors = np.tile(np.eye(2) * known, (len(landmarks), 1, 1))
     return ended(graph.solve(Problem(chain, looks, landmarks, priors, kernel, freedom), poses, np.zeros(3), rounds))
-
-
-def ended(work):
-    """The result of a generator of units of work."""
-    try:
-        while True:
-            next(work)
-    except StopIteration as end:
-        return end.value
 
 
 def drive(seed=0, count=9):
@@ -121,11 +109,8 @@ def test_the_evidence_is_the_likelihood_of_what_was_measured_with_all_unknowns_i
     what was measured is apart, a Gaussian's; one observation alone of a landmark without a prior is no evidence."""
     nothing = solve(np.zeros((1, 3)), np.zeros((0, 2)), AT_REST, observations(), 0.0, math.inf, 9).log_evidence
     places, own_m2 = np.array([[0.0, 0.0], [0.3, 0.1]]), 0.02
-    for known, seen, apart_m2 in (
-        (0.0, places, 2 * own_m2),
-        (100.0, places[1:], own_m2 + 0.01),
-        (0.0, places[1:], None),
-    ):
+    cases = (0.0, places, 2 * own_m2), (100.0, places[1:], own_m2 + 0.01), (0.0, places[1:], None)
+    for known, seen, apart_m2 in cases:
         found = solve(
             np.zeros((1, 3)), places[:1], AT_REST, observations(seen, 1.0 / own_m2), known,
             math.inf, 9,
@@ -154,14 +139,11 @@ def test_a_slip_is_found_where_it_happened():
 
 
 def test_one_look_at_a_known_landmark_is_a_kalman_update():
-    # The pose may be 0.2 m off along x and y, the landmark 0.1 m, the look 0.1 m: it says 0.3 m less in x. One
-    # round
+    # The pose may be 0.2 m off along x and y, the landmark 0.1 m, the look 0.1 m: it says 0.3 m less in x. One round
     # solves what is linear, a second one confirms it.
     chain = replace(AT_REST, first_information=np.diag([25.0, 25.0, 1e12]))
-    expected, found = (
-        solve(np.zeros((1, 3)), [(2.0, 0.0)], chain, observations([(x_m, 0.0)], 100.0), 100.0, kernel=1e9, rounds=2)
-        for x_m in (2.0, 1.7)
-    )
+    start, seen = (np.zeros((1, 3)), [(2.0, 0.0)], chain), [observations([(x_m, 0.0)], 100.0) for x_m in (2.0, 1.7)]
+    expected, found = (solve(*start, each, 100.0, kernel=1e9, rounds=2) for each in seen)
     assert found.poses[0] == pytest.approx([0.3 * 0.04 / 0.06, 0.0, 0.0], abs=1e-6)
     assert found.landmarks[0] == pytest.approx([2.0 - 0.3 * 0.01 / 0.06, 0.0], abs=1e-6)
     assert ended(found.pose_covariances())[0, 0, 0] == pytest.approx(1.0 / (25.0 + 1.0 / 0.02), rel=1e-4)
@@ -172,9 +154,8 @@ def test_a_robust_kernel_charges_less_for_a_residual_of_three_standard_deviation
     """Pose and landmark are fixed, 0.3 m from what a look of 0.1 m says: 9 / 2, or 9 / 2 log(1 + 9 / 9)."""
     looks = observations([(1.7, 0.0)], 100.0)
     chain = replace(AT_REST, first_information=np.eye(3) * 1e10)
-    robust, gaussian = (
-        solve(np.zeros((1, 3)), [(2.0, 0.0)], chain, looks, 1e10, kernel).log_evidence for kernel in (9.0, math.inf)
-    )
+    problem = np.zeros((1, 3)), [(2.0, 0.0)], chain, looks, 1e10
+    robust, gaussian = (solve(*problem, kernel).log_evidence for kernel in (9.0, math.inf))
     assert robust - gaussian == pytest.approx(4.5 - 4.5 * math.log(2.0), abs=1e-3)
 
 
@@ -259,9 +240,8 @@ def test_what_is_dropped_leaves_the_others_where_they_are():
         where = where @ SE2(*motion)
         assert where.vector() == pytest.approx(pose.vector())
     # Odometry over four motions is known worse than over one of them.
-    assert np.trace(np.linalg.inv(factors.information[2])) > 3 * np.trace(
-        np.linalg.inv(complete.factors().information[3])
-    )
+    four, one = factors.information[2], complete.factors().information[3]
+    assert np.trace(np.linalg.inv(four)) > 3 * np.trace(np.linalg.inv(one))
 
 
 def test_headings_of_a_compass_tell_as_much_together_as_one_of_them():

@@ -142,10 +142,8 @@ def test_a_footprint_survives_the_file_and_a_person_overrides_it(shape):
 
 
 def test_the_surer_yaw_of_two_maps_stays_and_a_robot_stops_at_the_front():
-    sure, unsure = (
-        outlined("couch", MeasuredFootprint(2.0, 0.9, 0.5, 0.1)),
-        outlined("couch", MeasuredFootprint(1.8, 0.9, 1.2, 0.4)),
-    )
+    shapes = MeasuredFootprint(2.0, 0.9, 0.5, 0.1), MeasuredFootprint(1.8, 0.9, 1.2, 0.4)
+    sure, unsure = (outlined("couch", shape) for shape in shapes)
     assert fused(unsure, sure, LandmarkRule()).measured == sure.measured
     goal = approach(sure, [sure])
     assert math.atan2(goal.pose.y_m - 1.0, goal.pose.x_m - 3.0) == pytest.approx(0.5, abs=0.2)

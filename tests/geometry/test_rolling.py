@@ -25,11 +25,8 @@ def test_what_rolls_has_no_lateral_part(length_m, yaw_rad):
     assert abs(ROLLING.lateral_m(arc(length_m, yaw_rad))) < 1e-12
 
 
-def test_a_straight_way_teaches_no_axle():
+def test_a_straight_way_teaches_no_axle_and_one_that_is_given_exactly_stays():
     assert ROLLING.learnt(0.05, 1e-6, 0.0) == ROLLING
-
-
-def test_an_axle_that_is_given_exactly_stays():
     exact = Rolling(share=0.01, axle_m=0.1, axle_sigma_m=0.0)
     assert exact.learnt(0.05, 1e-6, 0.1) == exact
 

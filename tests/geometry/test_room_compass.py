@@ -16,10 +16,10 @@ STEP_SIGMA = math.radians(0.05)
 
 
 def driven(errors_rad, seen_rad, sigma_rad=STEP_SIGMA, rule=None):
-    """Errors of the heading (N,), rad: odometry errs by `errors_rad` (N,) at each step; every fifth step a room
-    that lies at 0.3 rad is seen, off by `seen_rad` (N,)."""
+    """Errors of the heading (N,), rad, and their stated variances: odometry errs by `errors_rad` (N,) at each step;
+    every fifth step a room that lies at 0.3 rad is seen, off by `seen_rad` (N,)."""
     compass, heading = RoomCompass(rule or CompassRule()).predict(0.0, 0.0, 0.0), 0.0
-    found = [0.0]
+    found, stated = [0.0], [compass.heading_rad2]
     for index in range(1, SPAN):
         stamp_s, yaw = index * STEP_S, wrap_angle(YAWS[index] - YAWS[index - 1]) + errors_rad[index]
         compass = compass.predict(stamp_s, yaw, sigma_rad**2)
@@ -29,7 +29,8 @@ def driven(errors_rad, seen_rad, sigma_rad=STEP_SIGMA, rule=None):
         compass, turned = compass.correct(STEP_S)
         heading += yaw + turned
         found.append(heading - (YAWS[index] - YAWS[0]))
-    return np.array(found)
+        stated.append(compass.heading_rad2)
+    return np.array(found), np.array(stated)
 
 
 def views(rng, outliers=0.0):
@@ -41,10 +42,10 @@ def views(rng, outliers=0.0):
 @pytest.mark.parametrize("outliers", [0.0, 0.25])
 def test_a_heading_that_drifts_is_held_to_the_room(outliers):
     drift = np.full(SPAN, math.radians(6.0) / SPAN)
-    found = driven(drift, views(np.random.default_rng(0), outliers))
+    found, _ = driven(drift, views(np.random.default_rng(0), outliers))
     assert np.degrees(np.abs(drift.cumsum()[-1])) == pytest.approx(6.0)
     assert np.degrees(np.abs(found)).max() < 2.5
-    unknown = driven(drift, views(np.random.default_rng(0)), rule=CompassRule(drift=0.0, drift_rad=0.0))
+    unknown, _ = driven(drift, views(np.random.default_rng(0)), rule=CompassRule(drift=0.0, drift_rad=0.0))
     assert np.degrees(unknown[-1]) > 5.0  # odometry that is certain of its yaw is believed
 
 
@@ -54,28 +55,19 @@ def test_another_wing_of_the_building_turns_no_map(askew_deg):
     seen = views(np.random.default_rng(1))
     seen[200:] += math.radians(askew_deg)
     drift = np.full(SPAN, math.radians(6.0) / SPAN)
-    assert np.degrees(np.abs(driven(drift, seen))).max() < 3.0
+    assert np.degrees(np.abs(driven(drift, seen)[0])).max() < 3.0
 
 
 def test_its_variance_covers_its_errors_and_stays_as_it_is_while_old_views_are_dropped():
     scaled, stated = [], []
     for seed in range(6):
         rng, step = np.random.default_rng(seed), math.radians(0.3)
-        compass, heading = RoomCompass(CompassRule()).predict(0.0, 0.0, 0.0), 0.0
-        for index in range(1, 400):
-            yaw = YAWS[index] - YAWS[index - 1] + rng.normal(0.0, step)
-            compass = compass.predict(index * STEP_S, yaw, step**2)
-            if index % 5 == 0:
-                level_rad = 0.3 - (YAWS[index] - YAWS[0]) + rng.normal(0.0, math.radians(0.6))
-                compass = compass.observe(RoomHeading(index * STEP_S, level_rad % (math.pi / 2.0), math.radians(0.6)))
-            compass, turned = compass.correct(STEP_S)
-            heading += yaw + turned
-            scaled.append((heading - (YAWS[index] - YAWS[0])) ** 2 / compass.heading_rad2 if index > 100 else None)
-            stated.append(compass.heading_rad2)
-    found = [value for value in scaled if value is not None]
+        found, variances = driven(rng.normal(0.0, step, SPAN), views(rng), step)
+        scaled.append(found[100:] ** 2 / variances[100:])
+        stated.append(variances)
     # 0.10: the odometry's drift counts eight times, as real errors last longer than those made here.
-    assert 0.05 < np.mean(found) < 1.0
-    variances = np.reshape(stated, (6, -1))
+    assert 0.05 < np.mean(scaled) < 1.0
+    variances = np.array(stated)
     assert np.degrees(np.sqrt(variances[:, 20:].max())) < 5.0  # and states no more than 4.0 degrees
     assert variances[:, 300:].mean() == pytest.approx(variances[:, 20:60].mean(), rel=0.05)
 

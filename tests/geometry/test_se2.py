@@ -35,14 +35,10 @@ def test_poses_by_hand():
 
 
 @given(poses, poses, poses)
-def test_composition_is_that_of_matrices_and_associative(a, b, c):
+def test_composition_is_that_of_matrices_and_associative_and_the_inverse_undoes(a, b, c):
     np.testing.assert_allclose((a @ b).matrix(), a.matrix() @ b.matrix(), atol=1e-9)
     np.testing.assert_allclose(((a @ b) @ c).matrix(), (a @ (b @ c)).matrix(), atol=1e-9)
-
-
-@given(poses)
-def test_inverse_undoes(pose):
-    np.testing.assert_allclose((pose @ pose.inverse()).matrix(), np.eye(3), atol=1e-9)
+    np.testing.assert_allclose((a @ a.inverse()).matrix(), np.eye(3), atol=1e-9)
 
 
 @given(poses, poses)

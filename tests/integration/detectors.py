@@ -65,10 +65,9 @@ def ultralytics(name: str, folder: Path) -> tuple:
 
     os.chdir(folder)
     model = YOLO(f"{name}.yaml")
-    for parameter in (
-        p for key, p in model.model.model[-1].named_parameters() if key.endswith("bias") and len(p) == 80
-    ):
-        torch.nn.init.normal_(parameter, -2.0, 1.0)  # as if trained: random weights give no score
+    for key, bias in model.model.model[-1].named_parameters():
+        if key.endswith("bias") and len(bias) == 80:
+            torch.nn.init.normal_(bias, -2.0, 1.0)  # as if trained: random weights give no score
     rgb = picture()
     made = Path(model.export(format="onnx", imgsz=SIDE, simplify=False))
     made.rename(folder / "model.onnx")
@@ -128,9 +127,8 @@ def torchvision(name: str, folder: Path) -> tuple:
     torchvision_with_nms()
     from torchvision.models.detection import ssdlite320_mobilenet_v3_large
 
-    model = ssdlite320_mobilenet_v3_large(
-        weights=None, weights_backbone=None, num_classes=91, score_thresh=0.05, topk_candidates=20
-    ).eval()
+    untrained = {"weights": None, "weights_backbone": None, "num_classes": 91}
+    model = ssdlite320_mobilenet_v3_large(**untrained, score_thresh=0.05, topk_candidates=20).eval()
     for kernel in (one for one in model.parameters() if one.dim() == 4):
         torch.nn.init.kaiming_normal_(kernel)  # the package's own start lets every activation vanish
     tensor = tensor_of(picture())

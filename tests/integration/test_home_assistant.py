@@ -29,9 +29,8 @@ class HomeAssistant:
     def __init__(self, folder, port):
         script = ROOT / "tests/support/home_assistant.py"
         self._log = (folder / "home-assistant.log").open("w")
-        self.process = subprocess.Popen(
-            [PYTHON, script, folder / "home-assistant", str(port)], stdout=subprocess.PIPE, stderr=self._log, text=True
-        )
+        command = [PYTHON, script, folder / "home-assistant", str(port)]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self._log, text=True)
         self.shown = []
         threading.Thread(target=self._read, daemon=True).start()
 
@@ -60,20 +59,14 @@ def test_home_assistant_shows_the_robot_its_objects_events_and_that_it_is_gone(t
     try:
         home.until("ready", lambda *_: True)
         words = ["run", "--frames", "150", "--threads", "1", "--mqtt", f"127.0.0.1:{broker.port}"]
-        robot = subprocess.Popen(
-            [sys.executable, "-m", "edgemap.cli", *words, "--out", tmp_path / "run"],
-            stdout=subprocess.DEVNULL,
-            env={**os.environ, "EDGEMAP_ROBOT": "robo"},
-        )
+        command = [sys.executable, "-m", "edgemap.cli", *words, "--out", tmp_path / "run"]
+        robot = subprocess.Popen(command, stdout=subprocess.DEVNULL, env={**os.environ, "EDGEMAP_ROBOT": "robo"})
         home.until("device", lambda name, more: name == "robo" and more == {"manufacturer": "edgemap"})
-        home.until(
-            "event.robo_changes", lambda _, more: (more.get("event_type"), more.get("label")) == ("appeared", "chair")
-        )
+        appeared = {"event_type": "appeared", "label": "chair"}
+        home.until("event.robo_changes", lambda _, more: appeared.items() <= more.items())
         home.until("sensor.robo_objects", lambda state, _: state.isdigit() and int(state) >= 3)
         home.until("image.robo_map_picture", lambda state, more: "entity_picture" in more and state[:2] == "20")
-        home.until(
-            "binary_sensor.robo_camera", lambda state, more: (state, more["device_class"]) == ("on", "connectivity")
-        )
+        home.until("binary_sensor.robo_camera", lambda on, more: (on, more["device_class"]) == ("on", "connectivity"))
         home.until("binary_sensor.robo_map", lambda state, more: state in ("on", "off") and "level" in more)
         for button in ("save_map", "relocalise_in_dock"):
             home.until(f"button.robo_{button}", lambda state, _: state == "unknown")

@@ -12,6 +12,7 @@ import tyro
 
 from reliability.parts import PARTS, PartReport
 
+RUNS = Path("runs/reliability")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line has it, before a part imports numpy
 
 
@@ -25,9 +26,7 @@ class ReliabilityOptions:
     ] = ()
     seed: Annotated[int, tyro.conf.arg(help="Draws every fault and every file.")] = 0
     share: Annotated[float, tyro.conf.arg(help="Of each part's full size: 1 for the published figures.")] = 1.0
-    out: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="Folder for PART.json and what parts leave behind.")] = (
-        Path("runs/reliability")
-    )
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="For PART.json and what parts leave behind.")] = RUNS
 
 
 def main(options: ReliabilityOptions) -> None:

@@ -22,9 +22,7 @@ def run_tests(paths: list[Path], sizes: dict[str, str], seed: int, out: Path) ->
     failures, figures = [], {}
     for path in paths:
         words = ["-m", "pytest", "-q", "--timeout", "0", f"--hypothesis-seed={seed}", str(path)]
-        done = subprocess.run(
-            [sys.executable, *words], env=os.environ | sizes, capture_output=True, text=True, check=False
-        )
+        done = subprocess.run([sys.executable, *words], env=os.environ | sizes, capture_output=True, text=True)
         (out / f"{path.stem}.log").write_text(done.stdout + done.stderr)
         figures[path.stem] = done.stdout.strip().rpartition("\n")[2]
         failures += [f"{path.stem}: {figures[path.stem]}, see {out / path.stem}.log"] * (done.returncode != 0)

@@ -5,7 +5,6 @@ rendered and searched once: `out` keeps both, and a rendering that was stopped g
 """
 
 import pickle
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +24,7 @@ from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.slam import SlamOptions
 from reliability.day import GROWTH_MB, drive_through
+from reliability.lies import edgemap
 from reliability.parts import PartReport
 
 HOME = 8150  # of seed 0
@@ -80,10 +80,9 @@ def inverted(motion: Motion) -> Motion:
 
 
 def _rendered(folder: Path, seed: int, frames: int) -> Drive:
-    words = ["simulate", "--seed", str(seed), "--frames", str(frames), "--rate", str(RATE_HZ), "-o", str(folder)]
-    done = subprocess.run([sys.executable, "-m", "edgemap.cli", *words], capture_output=True, text=True)
+    done = edgemap("simulate", "--seed", seed, "--frames", frames, "--rate", RATE_HZ, "-o", folder)
     if done.returncode:
-        sys.exit(f"edgemap {' '.join(words)}: {done.stderr.strip()}")
+        sys.exit(f"edgemap simulate --seed {seed}: {done.stderr.strip()}")
     return open_drive(f"drive:{folder}")
 
 

@@ -6,11 +6,7 @@ from reliability.fuzz import TESTS, run_tests
 from reliability.parts import PartReport
 
 INPUTS = 20_000  # of each reader, at full size
-FILES = (
-    "runtime/test_readers.py",
-    "bridges/recordings/test_damaged_recordings.py",
-    "export/test_model_readers.py",
-)
+FILES = ("runtime/test_readers.py", "bridges/recordings/test_damaged_recordings.py", "export/test_model_readers.py")
 
 
 def run(seed: int, share: float, out: Path) -> PartReport:

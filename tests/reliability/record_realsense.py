@@ -125,10 +125,8 @@ def record_motion(path: Path, count: int = 200, period_s: float = 0.005, every: 
     device = software_device(2)
     colour, motion = device.add_sensor("RGB Camera"), device.add_sensor("Motion Module")
     video = colour.add_video_stream(video_stream((64, 48), (60.0, 60.0, 32.0, 24.0)), True)
-    streams = {
-        kind: motion.add_motion_stream(_motion_stream(kind, uid), True)
-        for uid, kind in ((2, rs.stream.gyro), (3, rs.stream.accel))
-    }
+    kinds = {rs.stream.gyro: 2, rs.stream.accel: 3}
+    streams = {kind: motion.add_motion_stream(_motion_stream(kind, uid), True) for kind, uid in kinds.items()}
     with recording(path, device):
         for index in range(count):
             stamp_s = 1.0 + period_s * index

@@ -42,10 +42,8 @@ def samples_of(pitch_rad, stamps, roll_deg=0.0, bias=(0.0, 0.0, 0.0), offset_rad
     """A camera that only nods, as its IMU has it; pitch_rad: at each stamp. A pitch is a rate about x (right)."""
     rates = np.zeros((len(stamps), 3))
     rates[:, 0] = -np.gradient(pitch_rad, stamps)
-    ups = [
-        Mount(1.0, pitch + offset_rad, math.radians(roll_deg)).rotation_base_optical().T @ [0, 0, 9.81]
-        for pitch in pitch_rad
-    ]
+    mounts = (Mount(1.0, pitch + offset_rad, math.radians(roll_deg)) for pitch in pitch_rad)
+    ups = [mount.rotation_base_optical().T @ [0, 0, 9.81] for mount in mounts]
     return ImuSamples(stamps, rates + bias, np.array(ups))
 
 
@@ -108,11 +106,10 @@ def test_a_real_flight_is_levelled_within_a_degree_and_keeps_its_heading_to_a_de
     found, true, turned_rad, rate_hz = [], [], [], 20.0
     for end_s in np.arange(0.05, drive.imu.stamps_s[-1], 1.0 / rate_hz):
         part, last_s = drive.imu.between(last_s, end_s), end_s
-        state = (
-            inertial_start(part, end_s, noise, given_rad)
-            if state is None
-            else inertial_step(state, part, end_s, noise)[0]
-        )
+        if state is None:
+            state = inertial_start(part, end_s, noise, given_rad)
+        else:
+            state = inertial_step(state, part, end_s, noise)[0]
         if drive.attitudes.stamps_s[0] < end_s < drive.attitudes.stamps_s[-1]:
             truth = drive.attitudes.at(end_s, 1.0)
             true.append(Mount(1.0, truth.pitch_rad, truth.roll_rad).rotation_base_optical()[2])
@@ -295,10 +292,9 @@ def test_a_hole_across_a_frame_is_stated_in_both_steps():
     for seed in range(60):
         rate = np.cumsum(np.random.default_rng(seed).normal(0.0, 0.1, 200))
         samples, source = turning(rate, (1.25, 1.75)), AboutMount(MOUNT)
-        found = [
-            source.predict(Frame(k, until_s, BLANK, imu=samples.between(from_s, until_s))).rotation
-            for k, (from_s, until_s) in enumerate(pairwise([-1.0, *stamps]))
-        ]
+        spans = enumerate(pairwise([-1.0, *stamps]))
+        frames = [Frame(k, until_s, BLANK, imu=samples.between(from_s, until_s)) for k, (from_s, until_s) in spans]
+        found = [source.predict(frame).rotation for frame in frames]
         true = [rate[int(100 * a) : int(100 * b)].sum() / 100.0 for a, b in pairwise(stamps[1:])]
         seen = [rotation for rotation in found[2:] if rotation is not None]
         ratios.append([(one.yaw_rad - turned) / one.sigma_rad for one, turned in zip(seen, true, strict=True)])

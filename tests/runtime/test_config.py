@@ -81,13 +81,10 @@ def test_what_is_no_file_or_no_document_is_told_in_one_line(tmp_path):
         load_config(tmp_path / "deep.json")
 
 
-@pytest.mark.parametrize(
-    ("tree", "kind"),
-    [
-        ({"health": {"sharp": 9.0}}, "blurred"),
-        ({"odometry": {"pictures": {"least_weight": 1e6}}}, "odometry"),
-    ],
-)
+SHARP, WEIGHTY = {"health": {"sharp": 9.0}}, {"odometry": {"pictures": {"least_weight": 1e6}}}
+
+
+@pytest.mark.parametrize(("tree", "kind"), [(SHARP, "blurred"), (WEIGHTY, "odometry")])
 def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, kind):
     config = load_config(written(tmp_path, {"config": {"attitude": {"check": {"tilt": {"nod": 2e-4}}}, **tree}}))
     with edgemap.open("demo", wheels=False, config=config) as session:

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from onnx import TensorProto, helper, numpy_helper
 from support import painted
 from support.foreign_models import MODELS, SIDE, Graph, class_columns, write
-from support.noise import noise
+from support.pictures import noise
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -255,13 +255,10 @@ def made(path, outputs, inputs=((1, 3, 64, 64),)):
     """A model of constant outputs, by name."""
     values = [numpy_helper.from_array(value, f"{name}_value") for name, value in outputs.items()]
     nodes = [helper.make_node("Identity", [f"{name}_value"], [name]) for name in outputs]
-    ends = [
-        helper.make_tensor_value_info(name, helper.np_dtype_to_tensor_dtype(value.dtype), value.shape)
-        for name, value in outputs.items()
-    ]
-    begins = [
-        helper.make_tensor_value_info(f"in{number}", TensorProto.FLOAT, shape) for number, shape in enumerate(inputs)
-    ]
+    kinds = [helper.np_dtype_to_tensor_dtype(value.dtype) for value in outputs.values()]
+    shapes = zip(outputs, kinds, (value.shape for value in outputs.values()), strict=True)
+    ends = [helper.make_tensor_value_info(*shape) for shape in shapes]
+    begins = [helper.make_tensor_value_info(f"in{row}", TensorProto.FLOAT, shape) for row, shape in enumerate(inputs)]
     graph = helper.make_graph(nodes, "constant", begins, ends, values)
     onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8), path)
     return path
@@ -323,14 +320,10 @@ def test_random_weights_are_read_by_shape_where_nobody_checks(tmp_path):
     assert read.reading.layout == "class columns"
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("data.yaml", "names: [cone, ball]"),
-        ("data.yaml", "names:\n  0: cone\n  1: ball"),
-        ("names.txt", "cone\nball\n"),
-    ],
-)
+AS_LIST, AS_TABLE = "names: [cone, ball]", "names:\n  0: cone\n  1: ball"
+
+
+@pytest.mark.parametrize(("name", "text"), [("data.yaml", AS_LIST), ("data.yaml", AS_TABLE), ("a.txt", "cone\nball\n")])
 def test_names_are_read_from_a_data_yaml_or_a_text_file(name, text, tmp_path):
     (tmp_path / name).write_text(text)
     assert read_class_names(tmp_path / name, BundleError) == ("cone", "ball")
@@ -348,12 +341,8 @@ def test_motion_and_floor_come_from_a_companion(tmp_path):
     path = write(class_columns(Graph()), tmp_path / "other.onnx")
     alone, beside = load_bundle(bundle_folder("edgemap-nano"), 1), open_bundle(path, "edgemap-nano", 1)
     with open_camera("demo") as camera:
-        assert camera.info.intrinsics is not None
-        assert camera.info.mount is not None
-        slams = [
-            build_slam(camera, bundle, FloorCamera(camera.info.intrinsics, camera.info.mount))
-            for bundle in (alone, beside)
-        ]
+        floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
+        slams = [build_slam(camera, bundle, floor) for bundle in (alone, beside)]
         frames = [frame for _ in range(12) if (frame := camera.read()) is not None]
     (*_, own), steps = ([slam.step(frame) for frame in frames] for slam in slams)
     foreign = steps[-1]

@@ -141,10 +141,8 @@ def test_what_was_placed_by_hand_moves_with_the_part_of_the_path_near_it():
     mapper.edit(Edit("zone", name="end", corners_m=far))
     mapper.edit(Edit("dock", pose=(9.0, 1.0, 0.0)))
     mapper.edit(Edit("add", label="tv", place_m=(9.0, 1.5)))
-    correction = TrajectoryCorrection(
-        np.array([0.0, 5.0]), np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.zeros((2, 3)), np.zeros((2, 3, 3))
-    )
-    mapper.edits.moved(correction)
+    times, moves = np.array([0.0, 5.0]), np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    mapper.edits.moved(TrajectoryCorrection(times, moves, np.zeros((2, 3)), np.zeros((2, 3, 3))))
     start, end = mapper.annotations().zones
     np.testing.assert_allclose(start.corners_m, SQUARE)
     np.testing.assert_allclose(end.corners_m, [(x, y + 1.0) for x, y in far])
@@ -186,10 +184,10 @@ def test_a_recorded_edit_that_does_not_fit_is_told():
     assert texts(edits.apply(Mapper(), 0)) == "recorded edit delete 'chair-1': no object 'chair-1' on the map"
 
 
-@pytest.mark.parametrize(
-    "line",
-    ["[]", "{}", '{"frames":1,"do":"format"}', '{"frames":-1,"do":"delete"}', '{"frames":1,"do":"delete","x":1}', "no"],
-)
+EDITS = ['{"frames":1,"do":"format"}', '{"frames":-1,"do":"delete"}', '{"frames":1,"do":"delete","x":1}']
+
+
+@pytest.mark.parametrize("line", ["[]", "{}", "no", *EDITS])
 def test_a_damaged_file_of_edits_is_one_line(tmp_path, line):
     path = tmp_path / "edits.jsonl"
     path.write_text(line + "\n")

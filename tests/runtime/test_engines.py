@@ -17,8 +17,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support import painted
-from support.noise import noise
 from support.painted import FLOOR, slam_of
+from support.pictures import noise
 
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.geometry.se2 import SE2
@@ -131,9 +131,7 @@ def test_blas_computes_on_one_thread_once_a_bundle_is_loaded():
 
 
 def test_a_network_that_fails_as_it_runs_is_the_bundles_failure(tmp_path):
-    onnx = pytest.importorskip("onnx")
-    helper = onnx.helper
-    kinds = onnx.TensorProto
+    helper, kinds = onnx.helper, onnx.TensorProto
     values = (("x", kinds.FLOAT, (1, 4)), ("shape", kinds.INT64, (2,)), ("y", kinds.FLOAT, (None, None)))
     *given, made = (helper.make_tensor_value_info(*value) for value in values)
     graph = helper.make_graph([helper.make_node("Reshape", ["x", "shape"], ["y"])], "g", given, [made])
@@ -210,9 +208,8 @@ def test_at_a_cameras_pace_no_step_waits_and_a_replay_of_its_marks_gives_the_sam
     replay = slam_of(replace(bundle, companion=bundle), POSES)
     for result in results:
         again = replay.step(result.frame)
-        assert [one.position_map_m.tolist() for one in again.sightings] == [
-            one.position_map_m.tolist() for one in result.sightings
-        ]
+        places = [[one.position_map_m.tolist() for one in step.sightings] for step in (again, result)]
+        assert places[0] == places[1]
 
 
 ENGINES = ["onnxruntime", "openvino"]
@@ -245,11 +242,9 @@ def test_boxes_are_those_of_the_whole_input(pictures, engine):
         assert np.median(np.abs(own_boxes.boxes - boxes.boxes)) < 0.5
 
 
-@pytest.mark.parametrize(
-    ("size", "rows"), [((640, 480), 320), ((1280, 720), 256), ((480, 640), 416), ((416, 416), 416)]
-)
-def test_rows_follow_the_shape_of_the_pictures(size, rows):
-    bundle = load_bundle(NANO, 1).for_pictures(*size)
+@pytest.mark.parametrize(("w", "h", "rows"), [(640, 480, 320), (1280, 720, 256), (480, 640, 416), (416, 416, 416)])
+def test_rows_follow_the_shape_of_the_pictures(w, h, rows):
+    bundle = load_bundle(NANO, 1).for_pictures(w, h)
     assert bundle.backbone.inputs["image"] == (1, 3, rows, 416)
 
 

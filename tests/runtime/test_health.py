@@ -201,17 +201,13 @@ def test_at_rest_no_network_runs_nothing_is_counted_and_the_first_motion_is_comp
     """Planar sleeps through four seconds; the first picture after them tells the motion since the last one before."""
     bundle = load_bundle(painted.write_painted(tmp_path / "b", [("chair", 40.0, 30.0, 12.0, 24.0, 0.9)]))
     with open_camera("demo") as camera:
-        assert camera.info.intrinsics
-        assert camera.info.mount
         floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
     sleepy, awake = (SemanticSlam(Pipeline(bundle, floor, WindowOdometry(floor)), Mapper()) for _ in range(2))
     moving = [Frame(index, index / 10, picture) for index, picture in enumerate(pictures[:18])]
     for frame in moving[:17]:
         sleepy.step(frame)
         awake.step(frame)
-    standing = [
-        replace(moving[16], stamp_s=1.7 + index / 10, image=noisy(pictures[16], 3.0, index)) for index in range(40)
-    ]
+    standing = [replace(moving[16], stamp_s=1.7 + row / 10, image=noisy(pictures[16], 3.0, row)) for row in range(40)]
     results = [sleepy.step(frame) for frame in standing]
     resting = [result for result in results if result.observed.at_rest]
     counted = sum(item.count for item in sleepy.objects())

@@ -45,11 +45,8 @@ def chair(camera, away_m):
 
 @pytest.mark.parametrize(("given", "wrong"), [(0.4, True), (0.6, False)])
 def test_the_demo_with_a_wrong_height_is_a_fault_that_names_the_likelier_one(demo, given, wrong):
-    floor, faults, heights = (
-        FloorCamera(demo.camera.info.intrinsics, replace(demo.camera.info.mount, height_m=given)),
-        [],
-        [],
-    )
+    floor = FloorCamera(demo.camera.info.intrinsics, replace(demo.camera.info.mount, height_m=given))
+    faults, heights = [], []
     slam = build_slam(demo.camera, demo.bundle, floor, SlamOptions(wheels=False))
     for index, (image, stamp_s) in enumerate(zip(demo.images, demo.stamps_s, strict=True)):
         if stamp_s > 12.0 or faults:

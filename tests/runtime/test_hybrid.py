@@ -49,9 +49,8 @@ class Scripted(MadeOdometry):
 
 def motion(x_m, sigma_m, yaw_rad=0.0, fault=""):
     state = MotionState.BLIND if fault else MotionState.MEASURED
-    return Motion(
-        SE2(x_m, 0.0, yaw_rad), np.diag([sigma_m**2, sigma_m**2, 0.01**2]), (made(fault),) if fault else (), state
-    )
+    covariance = np.diag([sigma_m**2, sigma_m**2, 0.01**2])
+    return Motion(SE2(x_m, 0.0, yaw_rad), covariance, (made(fault),) if fault else (), state)
 
 
 def test_who_fails_is_left_out_and_its_fault_with_it():
@@ -72,10 +71,8 @@ def test_when_all_fail_the_motion_is_a_guess_that_names_them_all():
 def test_a_motion_that_tells_less_than_a_guess_is_not_counted():
     """A metre is what is believed of a step that nobody measured; a sure member of another source stays alone."""
     start, loose = motion(0.0, 1.0), motion(0.3, 12.0)
-    for wheels, members in (
-        ({}, {"camera": "blind"}),
-        ({"wheels": [start, motion(0.1, 0.01)]}, {"camera": "blind", "wheels": "used"}),
-    ):
+    beside = {"wheels": [start, motion(0.1, 0.01)]}
+    for wheels, members in (({}, {"camera": "blind"}), (beside, {"camera": "blind", "wheels": "used"})):
         _, found = steps_of(of(camera=[start, loose], **wheels), 2)
         assert found.covariance[0, 0] <= 1.0
         assert dict(found.members) == members
@@ -158,10 +155,10 @@ def test_a_camera_that_is_covered_in_part_counts_less_than_wheels():
     assert moved[0.7] == pytest.approx(0.07, abs=0.001)
 
 
-@pytest.mark.parametrize(
-    ("answers", "still"),
-    [((True, False), False), ((True, None), True), ((None, None), None), ((True, True), True), ((False, None), False)],
-)
+ANSWERS = {(True, False): False, (True, None): True, (None, None): None, (True, True): True, (False, None): False}
+
+
+@pytest.mark.parametrize(("answers", "still"), ANSWERS.items())
 def test_it_stands_still_where_every_source_that_measures_rest_reports_it(answers, still):
     sources = {}
     for name, answer in zip(("camera", "wheels"), answers, strict=True):

@@ -215,10 +215,8 @@ def low_lens(room, pose, index, random, errors, height_m=0.19):
         ray = place / far
         side = np.array([-ray[1], ray[0]])
         at = place + ray * error * sigma_m + side * random.normal(0.0, across)
-        covariance = np.outer(ray, ray) * sigma_m**2 + np.outer(side, side) * across**2
-        seen.append(
-            Sighting(label, 0.8, at, covariance, np.eye(2) * 1e-4, 0.5, 0.9, 0.5, far, len(seen), index, index / 10)
-        )
+        own, count = np.outer(ray, ray) * sigma_m**2 + np.outer(side, side) * across**2, len(seen)
+        seen.append(Sighting(label, 0.8, at, own, np.eye(2) * 1e-4, 0.5, 0.9, 0.5, far, count, index, index / 10))
     return seen
 
 
@@ -322,9 +320,8 @@ def test_a_correction_counts_from_the_next_question_on():
     journal = PoseJournal()
     for k in range(4):
         journal.append(float(k), SE2(float(k), 0.0, 0.0))
-    journal.correct(
-        TrajectoryCorrection(np.array([0.0]), np.array([[2.0, 0.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3, 3)))
-    )
+    move = np.array([[2.0, 0.0, 0.0]])
+    journal.correct(TrajectoryCorrection(np.array([0.0]), move, np.zeros((1, 3)), np.zeros((1, 3, 3))))
     journal.append(4.0, SE2(9.0, 0.0, 0.0))
     assert journal.stamps_near([[2.1, 0.0], [9.1, 0.0]]).tolist() == [0.0, 4.0]
 
@@ -343,14 +340,11 @@ def test_a_chain_of_rotations_about_different_axes_is_their_product():
     arm, camera = ((0.1, 0.2, 0.3), (0, 0, 40)), ((0.0, 0.5, -0.1), (-90, 10, -90))
     lidar = (-0.3, 0.0, 0.4), (0, 25, 0)
     tree = TfTree("bag")
-    tree.add(
-        tf(transform("base", "arm", *arm), transform("arm", "camera", *camera), transform("/base", "lidar", *lidar))
-    )
+    links = transform("base", "arm", *arm), transform("arm", "camera", *camera), transform("/base", "lidar", *lidar)
+    tree.add(tf(*links))
     base_camera = matrix(*arm) @ matrix(*camera)
     for parent, expected in (("base", base_camera), ("lidar", np.linalg.inv(matrix(*lidar)) @ base_camera)):
-        pose = tree.pose(parent, "camera")
-        assert pose is not None
-        rotation, position_m = pose
+        rotation, position_m = tree.pose(parent, "camera")
         np.testing.assert_allclose(rotation, expected[:3, :3], atol=1e-12)
         np.testing.assert_allclose(position_m, expected[:3, 3], atol=1e-12)
     assert tree.pose("base", "gripper") is None

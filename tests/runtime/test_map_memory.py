@@ -150,9 +150,7 @@ MOVED = replace(mapped([("chair", -2.0, 3.0)])[0], id="chair-2", first_seen_s=9.
         ([*ROOM, OTHER], [ROOM[1], OTHER, MOVED], ["chair-9"], FREE_FLOOR, True),
     ],
 )  # fmt: skip
-def test_what_vanished_and_came_elsewhere_is_moved_only_where_nothing_else_explains_it(
-    saved, shown, sighted, grid, moves
-):
+def test_what_vanished_and_came_elsewhere_is_moved_where_nothing_else_explains_it(saved, shown, sighted, grid, moves):
     memory = remembering(saved, grid)
     memory.sighted(sighted)
     memory.annotated(shown, {})

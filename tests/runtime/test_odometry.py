@@ -1,6 +1,7 @@
 import itertools
 import math
 from dataclasses import replace
+from functools import reduce
 
 import cv2
 import numpy as np
@@ -33,14 +34,11 @@ BLOBS_M = 0.1
 @pytest.mark.parametrize("name", MOTIONS)
 def test_the_window_follows_a_textured_floor(name):
     frames, poses = drive(MOTIONS[name])
-    odometry, pose = WindowOdometry(CAMERA), SE2()
-    first = odometry.step(frames[0], {})
-    assert first.motion == SE2()
-    for frame in frames[1:]:
-        motion = odometry.step(frame, {})
-        assert not motion.faults
-        pose = pose @ motion.motion
-    error = pose.inverse() @ poses[-1]
+    odometry = WindowOdometry(CAMERA)
+    motions = [odometry.step(frame, {}) for frame in frames]
+    assert motions[0].motion == SE2()
+    assert not any(motion.faults for motion in motions[1:])
+    error = reduce(SE2.__matmul__, [motion.motion for motion in motions]).inverse() @ poses[-1]
     assert math.hypot(error.x_m, error.y_m) < BLOBS_M / 2.0
     assert abs(error.yaw_rad) < 0.01
 
@@ -130,8 +128,6 @@ def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
 def test_the_window_starts_in_a_car_that_drives(shared_data, first):
     """KITTI 00 at 6 and 8 m/s: taken for a room's, all but the floor is 5 m away, and the car drives 1 m/s."""
     with open_camera(f"kitti:{shared_data / 'kitti00'}") as source:
-        assert source.info.intrinsics is not None
-        assert source.info.mount is not None
         odometry, pose, start = WindowOdometry(FloorCamera(source.info.intrinsics, source.info.mount)), SE2(), SE2()
         for index in range(first + 31):
             frame = source.read()
@@ -167,17 +163,6 @@ def test_the_window_follows_a_turn_of_seventeen_degrees_between_two_pictures(gyr
     off = off_after(frames, poses, priors=priors)
     assert math.hypot(off.x_m, off.y_m) < 0.03
     assert abs(off.yaw_rad) < 0.02
-
-
-def test_the_window_carries_the_last_motion_through_a_short_gap_with_large_covariance():
-    frames, _ = drive(MOTIONS["straight"][:6])
-    odometry = WindowOdometry(CAMERA)
-    for frame in frames:
-        seen = odometry.step(frame, {})
-    gap = odometry.step(Frame(7, 0.7, np.full((240, 320, 3), 128, np.uint8)), {})
-    assert gap.faults
-    assert gap.motion.x_m == pytest.approx(0.04, abs=0.004)
-    assert np.trace(gap.covariance) > 30 * np.trace(seen.covariance)
 
 
 def test_the_window_is_less_sure_where_part_of_the_picture_moves_by_itself():

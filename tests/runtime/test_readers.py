@@ -94,7 +94,7 @@ WHEEL = "stamp_s,x_m,y_m,yaw_rad\n" + "".join(f"{i / 10},{i / 20},{i / 50},{i / 
 IMU = "stamp_s,gx,gy,gz,ax,ay,az\n" + "".join(f"{i / 200},0.01,-0.02,0.1,0.2,9.8,{i / 9}\n" for i in range(12))
 KITTI = "".join(f"0 0 1 {i} -1 0 0 0 0 -1 0 1\n" for i in range(5))
 C2W = KITTI.replace("0 1\n", "0 1 0 0 0 1\n")
-LABELS = "56 0.5 0.5 0.25 0.5\n0 0.1 0.2 0.1 0.1\n"
+BOXES, LABELS = label_table(COCO_NAMES), "56 0.5 0.5 0.25 0.5\n0 0.1 0.2 0.1 0.1\n"
 YAML_TEXTS = ("!!python/object:os.system ", "!!int ", "&a ", "*a ", "!!binary ", "<<: ", "? ", "2026-01-01", "- " * 50)
 
 
@@ -213,10 +213,8 @@ def mutated_grid(draw) -> bytes:
 
 
 IMAGE = np.random.default_rng(0).integers(0, 255, (12, 17, 3), np.uint8)
-PICTURES = [
-    cv2.imencode(suffix, IMAGE[:, :, 0] if suffix == ".pgm" else IMAGE)[1].tobytes()
-    for suffix in (".png", ".jpg", ".bmp", ".ppm", ".pgm", ".tif", ".webp")
-]
+IMAGES = {".pgm": IMAGE[:, :, 0]} | dict.fromkeys((".png", ".jpg", ".bmp", ".ppm", ".tif", ".webp"), IMAGE)
+PICTURES = [cv2.imencode(suffix, image)[1].tobytes() for suffix, image in IMAGES.items()]
 
 
 def with_focal_length() -> bytes:
@@ -243,9 +241,7 @@ READERS = {
     "KITTI": ReaderCase("poses.txt", mutated_rows(KITTI), lambda path: finite(read_matrices(path, 12))),
     "c2w": ReaderCase("poses.txt", mutated_rows(C2W), lambda path: finite(read_matrices(path, 16))),
     "stamps": ReaderCase("times.txt", mutated_rows("0.0\n0.1\n0.2\n1e0\n"), lambda path: finite(read_stamps(path))),
-    "labels": ReaderCase(
-        "a.txt", mutated_rows(LABELS), lambda path: finite(label_table(COCO_NAMES).read(path, CameraError)[1])
-    ),
+    "labels": ReaderCase("a.txt", mutated_rows(LABELS), lambda path: finite(BOXES.read(path, CameraError)[1])),
     "focal length": ReaderCase("a.png", mutated_bytes(with_focal_length()), lambda path: stated_focal_px(path, 40, 30)),
     "class names": ReaderCase("data.yaml", mutated_yaml({"path": ".", "names": {0: "chair", 1: "couch"}}), use_names),
     "pictures": ReaderCase("a.png", st.sampled_from(PICTURES).flatmap(mutated_bytes), use_picture),
@@ -393,12 +389,8 @@ def test_a_picture_whose_name_a_terminal_would_act_on_is_refused(tmp_path):
 def test_a_small_grid_of_many_bytes_takes_no_memory_for_them():
     head, data = io.BytesIO(), io.BytesIO()
     np.lib.format.write_array_header_1_0(head, {"descr": "|i1", "fortran_order": False, "shape": (8192, 8191)})
-    parts: Any = {
-        "origin_m": np.array([-0.5, 1.0]),
-        "resolution_m": np.array(0.05),
-        "thresholds": np.array([-1.1, 0.6]),
-    }
-    np.savez_compressed(data, **parts)
+    rest: Any = {"origin_m": np.array([-0.5, 1.0]), "resolution_m": np.array(0.05), "thresholds": np.array([-1.1, 0.6])}
+    np.savez_compressed(data, **rest)
     with zipfile.ZipFile(data, "a", zipfile.ZIP_DEFLATED) as file:
         file.writestr("log_odds.npy", head.getvalue() + bytes(400 << 20))
     tracemalloc.start()

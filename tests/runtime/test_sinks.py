@@ -65,10 +65,8 @@ def test_a_sink_that_fails_is_told_once_and_gets_every_later_result(error, text)
     assert good.frames == list(range(10))
     assert bad.frames == [0, 1, 7, 8, 9]
     assert kinds(good.faults) == ["output", "output_restored"]
-    assert [fault.text for fault in good.faults] == [
-        f"MQTT: {text}; the run goes on",
-        "MQTT: works again after 0.5 s of stream",
-    ]
+    told = f"MQTT: {text}; the run goes on", "MQTT: works again after 0.5 s of stream"
+    assert [fault.text for fault in good.faults] == [*told]
     with pytest.raises(type(error)):
         sinks.close()
     assert good.closed

@@ -102,6 +102,8 @@ def test_a_picture_without_corners_is_a_guess_and_the_next_ones_measure_again():
     odometry = WindowOdometry(HEAD)
     motions = [odometry.step(frame, {}, FramePrior(seen)) for frame, seen in zip(frames, attitudes, strict=True)]
     assert kinds(motions[10].faults) == ["odometry"]
+    assert motions[10].motion.x_m == pytest.approx(0.08, abs=0.008)
+    assert np.trace(motions[10].covariance) > 30 * np.trace(motions[9].covariance)
     assert [motion.motion.x_m for motion in motions[-5:]] == pytest.approx([0.08] * 5, abs=0.01)
 
 

@@ -45,7 +45,7 @@ def edge():
     return picture, np.full((120, 160), 3.0, np.float32)
 
 
-def test_a_turn_smears_an_edge_over_focal_length_times_angle():
+def test_a_turn_smears_an_edge_over_focal_length_times_angle_and_a_camera_at_rest_none():
     """0.8 rad/s for 50 ms at 150 px focal length: 6 px from dark to bright."""
     picture, depth = edge()
     level = Mount(0.5)
@@ -55,6 +55,7 @@ def test_a_turn_smears_an_edge_over_focal_length_times_angle():
     assert int(blurred[60, 80, 0]) == pytest.approx(100, abs=45)
     again = exposed(picture, depth, LENS, optical_twist(np.array([0.0, 0.0, 0.8]), level), 0.05, 0.0)
     assert np.array_equal(blurred, again)
+    assert exposed(picture, depth, LENS, optical_twist(np.zeros(3), MOUNT), 0.05, 0.02) is picture
 
 
 def test_a_rolling_shutter_leans_an_edge():
@@ -64,11 +65,6 @@ def test_a_rolling_shutter_leans_an_edge():
     at = [int(np.argmax(leaning[row, :, 0] > 100)) for row in (2, 60, 117)]
     assert at[2] - at[0] == pytest.approx(6, abs=1)
     assert at[1] == pytest.approx(80, abs=1)
-
-
-def test_a_camera_at_rest_takes_a_sharp_picture():
-    picture, depth = edge()
-    assert exposed(picture, depth, LENS, optical_twist(np.zeros(3), MOUNT), 0.05, 0.02) is picture
 
 
 def test_noise_has_the_sensors_variance_and_repeats():

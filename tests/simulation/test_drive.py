@@ -40,9 +40,8 @@ WALLS = ((0, 0, 10, 0.1), (0, 0, 0.1, 5), (9.9, 0, 10, 5), (0, 4.9, 10, 5), (6, 
 
 def piece(number, label, x, y, width, depth, height, yaw, z=0.0):
     model = SimpleNamespace(width_m=width, depth_m=depth, height_m=height)
-    return SimpleNamespace(
-        id=number, label=label, model=model, pose_home_object=SE2(x, y, yaw), z_m=z, on_floor=z < 0.02
-    )
+    pose = SE2(x, y, yaw)
+    return SimpleNamespace(id=number, label=label, model=model, pose_home_object=pose, z_m=z, on_floor=z < 0.02)
 
 
 def home(pieces=PIECES, walls=WALLS, width_m=10.0, depth_m=5.0):
@@ -54,12 +53,6 @@ def distance_to_footprint(item, points):
     """Distance (N,) from points to an oriented rectangle, by hand."""
     local = np.abs(item.pose_home_object.inverse().apply(points))
     beyond = np.maximum(local - [item.model.depth_m / 2, item.model.width_m / 2], 0.0)
-    return np.linalg.norm(beyond, axis=1)
-
-
-def distance_to_wall(wall, points):
-    x0, y0, x1, y1 = wall
-    beyond = np.maximum(np.maximum([x0, y0] - points, points - [x1, y1]), 0.0)
     return np.linalg.norm(beyond, axis=1)
 
 
@@ -82,8 +75,9 @@ def test_the_robot_never_touches_anything(driven, place):
     points = driven.samples[:, :2]
     for item in flat.furniture:
         assert distance_to_footprint(item, points).min() > LIMITS.radius_m, item
-    for wall in flat.plan.walls:
-        assert distance_to_wall(wall, points).min() > LIMITS.radius_m, wall
+    for x0, y0, x1, y1 in flat.plan.walls:
+        beyond = np.maximum(np.maximum([x0, y0] - points, points - [x1, y1]), 0.0)
+        assert np.linalg.norm(beyond, axis=1).min() > LIMITS.radius_m, (x0, y0)
 
 
 def test_speeds_and_accelerations_keep_to_the_limits(driven):
@@ -121,12 +115,9 @@ def test_a_wall_hides_and_a_table_hides_only_what_is_lower():
     chair = ("chair", 4.0, 2.0, 0.5, 0.5, 1.0, np.pi)
     camera = CameraSetup(mount=Mount(0.6))
     shares = {}
-    for name, pieces, walls in (
-        ("free", (chair,), ()),
-        ("table", (chair, ("dining table", 2.5, 2.0, 1.0, 0.6, 0.5, 0.0)), ()),
-        ("wall", (chair,), ((2.4, 1.0, 2.5, 3.0),)),
-    ):
-        flat = home(pieces, walls, 6.0, 4.0)
+    table, wall = ("dining table", 2.5, 2.0, 1.0, 0.6, 0.5, 0.0), (2.4, 1.0, 2.5, 3.0)
+    for name, pieces, walls in (("free", (), ()), ("table", (table,), ()), ("wall", (), (wall,))):
+        flat = home((chair, *pieces), walls, 6.0, 4.0)
         sight = VisibilityEstimate(flat, PlanGrid(flat), camera.intrinsics, camera.mount)
         shares[name] = sight.shares(np.array([[0.5, 2.0, 0.0]]))[0, 0]
         assert sight.shares(np.array([[0.5, 2.0, np.pi]]))[0, 0] == 0.0, "behind the camera"

@@ -1,6 +1,7 @@
 """Rendered pictures against edgemap.geometry: boxes, shares, lenses, depths; the demo has enough to map."""
 
 import json
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -48,18 +49,16 @@ def wall(x, half, lamp=1.0, day=0.0):
 @pytest.fixture
 def draw():
     """Makes a renderer of parts and surfaces; closed at the end."""
-    made = []
+    with ExitStack() as made:
 
-    def make(parts, surfaces=(), intrinsics=INTRINSICS):
-        try:
-            made.append(Renderer(LitScene(tuple(surfaces), tuple(parts), (), PROBES), intrinsics))
-        except EdgemapError as error:
-            pytest.skip(str(error))
-        return made[-1]
+        def make(parts, surfaces=(), intrinsics=INTRINSICS):
+            try:
+                scene = LitScene(tuple(surfaces), tuple(parts), (), PROBES)
+                return made.enter_context(closing(Renderer(scene, intrinsics)))
+            except EdgemapError as error:
+                pytest.skip(str(error))
 
-    yield make
-    for renderer in made:
-        renderer.close()
+        yield make
 
 
 @pytest.fixture
@@ -138,9 +137,8 @@ def test_points_stand_where_mount_and_lens_project_them(draw, lens):
         marker = sheet(2.0, left - half, left + half, up - half, up + half)
         parts += lit(n, marker.placed(POSE.x_m, POSE.y_m, 0.0, POSE.yaw_rad))
     frame = draw(parts, intrinsics=lens).frame(View.of_base(POSE, TILTED))
-    optical = (
-        np.column_stack([np.full(len(y), 2.0), y, z]) - TILTED.position_base_m()
-    ) @ TILTED.rotation_base_optical()
+    from_lens = np.column_stack([np.full(len(y), 2.0), y, z]) - TILTED.position_base_m()
+    optical = from_lens @ TILTED.rotation_base_optical()
     expected = lens.project(optical)
     inside = (expected > 8).all(axis=1) & (expected < [310, 230]).all(axis=1)
     assert inside.sum() > 12

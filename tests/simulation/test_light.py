@@ -9,6 +9,7 @@ from edgemap.simulation.render.raytracer import cosine_directions, r2_sequence
 from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Scene, Solid, Surface
 
 GREY = Material((0.5, 0.5, 0.5))
+CEILING = AreaLight(np.array([1.2, 1.2, 2.45]), np.array([0, 0.6, 0.0]), np.array([0.6, 0, 0.0]), np.full(3, 8.0))
 FAR = Solid(ROOM_ID, box((90.0, 90.0, 90.0), (90.1, 90.1, 90.1), GREY))  # trim, which every home has
 
 
@@ -72,9 +73,8 @@ def test_light_in_a_closed_grey_room_is_a_geometric_series():
 
 def test_no_light_leaks_through_a_wall_and_no_seam_runs_along_the_skirting():
     bright, dark = box_room((0.0, 0.0, 0.0), (3.0, 3.0, 2.5)), box_room((3.1, 0.0, 0.0), (6.0, 3.0, 2.5))
-    light = AreaLight(np.array([1.2, 1.2, 2.45]), np.array([0, 0.6, 0.0]), np.array([0.6, 0, 0.0]), np.full(3, 8.0))
     trim = Solid(ROOM_ID, box((0.0, 0.0, 0.0), (0.014, 3.0, 0.09), GREY))
-    lit = bake(Scene((*bright, *dark), (trim,), (light,)), 0)
+    lit = bake(Scene((*bright, *dark), (trim,), (CEILING,)), 0)
     assert max(surface.lamp.max() for surface in lit.surfaces[6:]) < 1e-4
     wall = lit.surfaces[2].lamp[..., 0]
     rows = wall[:, 25:50].mean(axis=1)  # the wall at x = 0: u along y, v up
@@ -86,10 +86,9 @@ def test_no_light_leaks_through_a_wall_and_no_seam_runs_along_the_skirting():
 
 
 def test_one_seed_one_light_whatever_the_number_of_threads(monkeypatch):
-    room = box_room((0.0, 0.0, 0.0), (3.0, 3.0, 2.5))
-    light = AreaLight(np.array([1.2, 1.2, 2.45]), np.array([0, 0.6, 0.0]), np.array([0.6, 0, 0.0]), np.full(3, 8.0))
-    first = bake(Scene(room, (FAR,), (light,)), 3, BakeSettings.draft())
+    scene = Scene(box_room((0.0, 0.0, 0.0), (3.0, 3.0, 2.5)), (FAR,), (CEILING,))
+    first = bake(scene, 3, BakeSettings.draft())
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
-    again = bake(Scene(room, (FAR,), (light,)), 3, BakeSettings.draft())
+    again = bake(scene, 3, BakeSettings.draft())
     for one, two in zip(first.surfaces, again.surfaces, strict=True):
         np.testing.assert_array_equal(one.lamp, two.lamp)

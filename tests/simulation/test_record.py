@@ -96,15 +96,10 @@ def test_a_folder_with_other_things_is_left_alone(drawn, tmp_path):
 def test_the_live_camera_delivers_the_recorded_pictures(recorded, drawn):
     with SimCamera("sim:9107", drawn) as camera:
         assert isinstance(camera, Camera)
-        assert (camera.info.size, camera.info.rate_hz, camera.info.frame_count, camera.info.live) == (
-            (640, 480),
-            10.0,
-            FRAMES,
-            False,
-        )
-        assert camera.info.mount == drawn.camera.mount
-        stamps = []
-        paths = sorted((recorded / "images").iterdir())
+        info = camera.info
+        assert (info.size, info.rate_hz, info.frame_count, info.live) == ((640, 480), 10.0, FRAMES, False)
+        assert info.mount == drawn.camera.mount
+        stamps, paths = [], sorted((recorded / "images").iterdir())
         while (frame := camera.read()) is not None:
             assert np.array_equal(frame.image, cv2.imread(str(paths[frame.index])))
             stamps.append(frame.stamp_s)
@@ -150,8 +145,7 @@ def test_floor_labels_are_what_depth_and_mount_say(recorded, drawn, monkeypatch,
     rays = camera.rays_base(np.column_stack([columns.ravel(), rows.ravel()]))[:, 2].reshape(rows.shape)
     for picture, path in pairs:
         labels = read_floor_labels(path, size)
-        depth_mm = cv2.imread(str(recorded / "depth" / f"{picture.stem}.png"), cv2.IMREAD_UNCHANGED)
-        depth_m = depth_mm / 1000.0
+        depth_m = cv2.imread(str(recorded / "depth" / f"{picture.stem}.png"), cv2.IMREAD_UNCHANGED) / 1000.0
         height_m = camera.mount.height_m + rays * depth_m
         near = (depth_m > 0.0) & (depth_m < 3.0)
         floor = near & (labels == FloorLabel.FLOOR)

@@ -24,8 +24,5 @@ def serious_faults(tab: Page) -> list[str]:
     assert axe is not None
     tab.value(axe.read_text() + "; true")
     found = tab.value("axe.run(document, {resultTypes: ['violations']}).then((told) => told.violations)")
-    return [
-        f"{fault['id']} ({fault['impact']}): {fault['help']}: {fault['nodes'][0]['html'][:120]}"
-        for fault in found
-        if fault["impact"] in SERIOUS
-    ]
+    found = [fault | {"html": fault["nodes"][0]["html"][:120]} for fault in found if fault["impact"] in SERIOUS]
+    return ["{id} ({impact}): {help}: {html}".format_map(fault) for fault in found]

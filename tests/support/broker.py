@@ -23,9 +23,8 @@ class Broker:
         self.start()
 
     def start(self):
-        program = shutil.which("mosquitto", path=PATH)
-        assert program is not None
-        self._process = subprocess.Popen([program, "-c", str(self._config)], stderr=subprocess.DEVNULL)
+        command = [shutil.which("mosquitto", path=PATH), "-c", str(self._config)]
+        self._process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
         wait_for(lambda: answers(self.port), "mosquitto")
         address = ["-h", "127.0.0.1", "-p", str(self.port)]
         subprocess.run(["mosquitto_pub", *address, "-t", READY, "-m", "yes", "-r"], check=True)

@@ -115,9 +115,8 @@ class Page:
     def said(self, *methods: str) -> list[dict]:
         """What happened in this tab so far, of these kinds."""
         self.value("0")
-        return [
-            e["params"] for e in self.browser.events if e.get("sessionId") == self.session and e["method"] in methods
-        ]
+        own = (event for event in self.browser.events if event.get("sessionId") == self.session)
+        return [event["params"] for event in own if event["method"] in methods]
 
     def close(self) -> None:
         self.browser.call("Target.closeTarget", targetId=self.target)

@@ -19,9 +19,8 @@ def drifting(way, seed=0, yaw_share=0.06, way_share=0.03):
     for before, now in pairwise(way):
         true = before.inverse() @ now
         noise = random.normal(0.0, np.array(SIGMAS) / 4.0)
-        measured = SE2(
-            true.x_m * (1 + way_share) + noise[0], true.y_m + noise[1], true.yaw_rad * (1 + yaw_share) + noise[2]
-        )
+        x_m, yaw_rad = true.x_m * (1 + way_share) + noise[0], true.yaw_rad * (1 + yaw_share) + noise[2]
+        measured = SE2(x_m, true.y_m + noise[1], yaw_rad)
         motions.append(Motion(measured, LASTING * np.diag(np.square(SIGMAS))))
     return motions
 
@@ -36,8 +35,5 @@ def integrated(motions):
 
 def worst_m(found, true):
     """Greatest distance of poses from the true ones, both from a common start."""
-    start = true[0].inverse()
-    return max(
-        math.hypot(pose.x_m - there.x_m, pose.y_m - there.y_m)
-        for pose, there in zip(found, (start @ pose for pose in true), strict=True)
-    )
+    pairs = zip(found, (true[0].inverse() @ pose for pose in true), strict=True)
+    return max(math.hypot(pose.x_m - there.x_m, pose.y_m - there.y_m) for pose, there in pairs)

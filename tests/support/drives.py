@@ -22,21 +22,15 @@ def sighted(room, pose, index, random, sigma_m=0.05, reach_m=4.0, half_rad=0.7):
         distance = float(np.hypot(*place))
         if 0.4 < distance < reach_m and abs(math.atan2(place[1], place[0])) < half_rad:
             at = place + random.normal(0.0, sigma_m, 2)
-            covariance = np.eye(2) * sigma_m**2
-            seen.append(
-                Sighting(
-                    label, 0.8, at, covariance, covariance / 4, 0.5, 0.9, 0.5, distance, len(seen), index, index / 10
-                )
-            )
+            own = np.eye(2) * sigma_m**2
+            seen.append(Sighting(label, 0.8, at, own, own / 4, 0.5, 0.9, 0.5, distance, len(seen), index, index / 10))
     return seen
 
 
 def observed(index, sightings, motion, detections=None):
     """What the front end hands on of one frame, ten a second."""
     count = len(sightings)
-    boxes = detections or Detections(
-        np.zeros((count, 4)), np.full(count, 0.8), np.zeros(count, dtype=np.int64), ("thing",)
-    )
+    boxes = detections or Detections(np.zeros((count, 4)), np.full(count, 0.8), np.zeros(count, np.int64), ("thing",))
     return FrameObservations(index, index / 10, boxes, sightings, motion)
 
 
@@ -57,6 +51,5 @@ def exact(poses):
 def round_trip(frames, centre=(4.0, 3.0), radius_m=1.2, turns=1.0, start_rad=0.0):
     """Poses on a circle about a point of the room, facing along it."""
     angles = start_rad + np.linspace(0.0, turns * math.tau, frames)
-    return [
-        SE2(centre[0] + radius_m * math.cos(a), centre[1] + radius_m * math.sin(a), a + math.pi / 2) for a in angles
-    ]
+    x_m, y_m = centre
+    return [SE2(x_m + radius_m * math.cos(a), y_m + radius_m * math.sin(a), a + math.pi / 2) for a in angles]

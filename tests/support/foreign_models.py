@@ -45,9 +45,8 @@ class Graph:
     def boxes(self) -> str:
         """Centres and sides (1, N, 4) in px of the input."""
         strides = np.concatenate([np.full((SIDE // s) ** 2, s, np.float32) for s in (8, 16, 32)])[None, :, None]
-        cells = [
-            np.stack(np.meshgrid(np.arange(SIDE // s), np.arange(SIDE // s)), -1).reshape(-1, 2) for s in (8, 16, 32)
-        ]
+        grids = (np.meshgrid(np.arange(SIDE // s), np.arange(SIDE // s)) for s in (8, 16, 32))
+        cells = [np.stack(grid, -1).reshape(-1, 2) for grid in grids]
         centres = self.node("Add", self.cut("output", 0, 2), np.concatenate(cells).astype(np.float32)[None])
         sides = self.node("Exp", self.cut("output", 2, 4))
         return self.node("Mul", self.node("Concat", centres, sides, axis=2), strides)
@@ -69,9 +68,8 @@ class Graph:
         labels = self.node("ArgMax", scores, axis=2, keepdims=0)
         self._count += 1
         values, rows = f"best_{self._count}", f"rows_{self._count}"
-        self.graph.node.append(
-            helper.make_node("TopK", [highest, self.constant(np.array([BEST], np.int64))], [values, rows], axis=1)
-        )
+        best = self.constant(np.array([BEST], np.int64))
+        self.graph.node.append(helper.make_node("TopK", [highest, best], [values, rows], axis=1))
         flat = self.node("Reshape", rows, np.array([BEST], np.int64))
         return self.node("Gather", self.corners(), flat, axis=1), values, self.node("Gather", labels, flat, axis=1)
 
@@ -100,9 +98,8 @@ class Graph:
 def class_columns(graph: Graph, share: bool = False) -> onnx.ModelProto:
     """YOLOv8 to YOLO12: (1, 84, N)."""
     boxes = graph.shares(graph.boxes()) if share else graph.boxes()
-    return graph.give(
-        output0=graph.node("Transpose", graph.node("Concat", boxes, graph.scores(), axis=2), perm=[0, 2, 1])
-    )
+    table = graph.node("Concat", boxes, graph.scores(), axis=2)
+    return graph.give(output0=graph.node("Transpose", table, perm=[0, 2, 1]))
 
 
 def segmentation(graph: Graph) -> onnx.ModelProto:
@@ -149,9 +146,8 @@ def categories(graph: Graph) -> onnx.ModelProto:
     """RF-DETR: boxes, and logits (1, Q, 91) by COCO's categories."""
     place = np.zeros((80, 91), np.float32)
     place[np.arange(80), CATEGORY] = 1.0
-    return graph.give(
-        dets=graph.shares(graph.boxes()), labels=logits(graph.node("MatMul", graph.scores(), place), graph)
-    )
+    labels = logits(graph.node("MatMul", graph.scores(), place), graph)
+    return graph.give(dets=graph.shares(graph.boxes()), labels=labels)
 
 
 def sized_lists(graph: Graph) -> onnx.ModelProto:

@@ -33,9 +33,8 @@ class ForkedCommands:
     def __init__(self) -> None:
         command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
         paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-        self._server = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": paths}
-        )
+        pipes, env = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}, {**os.environ, "PYTHONPATH": paths}
+        self._server = subprocess.Popen(command, **pipes, text=True, env=env)
 
     def __call__(self, *arguments, cwd=None, env=None) -> subprocess.CompletedProcess[str]:
         """Runs it to its end; standard input is empty."""
@@ -47,9 +46,8 @@ class ForkedCommands:
             assert self._server.stdout is not None
             print(json.dumps(request), file=self._server.stdin, flush=True)
             code = int(self._server.stdout.readline())
-            return subprocess.CompletedProcess(
-                words, code, *(Path(file).read_text("utf-8", "replace") for file in files)
-            )
+            texts = [Path(file).read_text("utf-8", "replace") for file in files]
+            return subprocess.CompletedProcess(words, code, *texts)
 
     def ok(self, *arguments, cwd=None, env=None) -> subprocess.CompletedProcess[str]:
         """The same, of a command that must succeed."""
@@ -119,10 +117,8 @@ def _become(request: dict) -> NoReturn:
     os.environ.clear()
     os.environ.update(request["env"])
     os.chdir(request["cwd"])
-    for number, path, flags in zip(
-        (0, 1, 2), (os.devnull, *request["files"]), (os.O_RDONLY, *[os.O_WRONLY | os.O_CREAT] * 2), strict=True
-    ):
-        os.dup2(os.open(path, flags), number)
+    for number, path in enumerate((os.devnull, *request["files"])):
+        os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT if number else os.O_RDONLY), number)
     sys.argv = ["edgemap", *request["words"]]
     code: object = 0
     try:

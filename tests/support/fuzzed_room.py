@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from support import painted
 from support.made_camera import MadeCamera
-from support.noise import noise
+from support.pictures import noise
 from support.seen import HEIGHT_M, box_of
 
 from edgemap.geometry.camera.floor import FloorCamera
@@ -42,10 +42,9 @@ SIZE, CELLS = painted.SIZE, 8
 FLOOR = FloorCamera(Intrinsics(SIZE, SIZE, 50.0, 50.0, 31.5, 31.5), Mount.from_degrees(0.6, 12.0))
 # One label: of objects with two names at one place the map shows one, which is none of what is checked here.
 LABEL = "chair"
-ROOM = tuple(
-    (size * 4.5 * math.cos(angle), size * 3.5 * math.sin(angle))
-    for size, angle in zip(3 * (1.0, 0.85, 1.1, 0.95), np.linspace(0.0, math.tau, 12, endpoint=False), strict=True)
-)
+ANGLES = tuple(enumerate(np.linspace(0.0, math.tau, 12, endpoint=False)))
+SIZES = (1.0, 0.85, 1.1, 0.95)
+ROOM = tuple((SIZES[i % 4] * 4.5 * math.cos(angle), SIZES[i % 4] * 3.5 * math.sin(angle)) for i, angle in ANGLES)
 WALL = np.asarray(cv2.GaussianBlur(noise(0, (SIZE + 8, SIZE + 8, 3)), (5, 5), 0), dtype=np.uint8)
 # Corners are tracked from one to the next: searching noise for known places takes a quarter of a second.
 PICTURES = [np.ascontiguousarray(WALL[at : at + SIZE, at : at + SIZE]) for at in (*range(8), *range(8, 0, -1))]
@@ -109,10 +108,8 @@ def saved_map(first: SE2 | None = None, start: SE2 | None = None) -> list[MapObj
     """The room as an earlier run mapped it. first: pose in the room that has the pose `start` in that map."""
     place = (start or SE2()) @ (first or pose_at(0.0)).inverse()
     places = place.apply(np.array(ROOM))
-    return [
-        MapObject(f"{LABEL}-{number}", LABEL, at, np.eye(2) * 0.01, 0.5, HEIGHT_M, 20, 0.9, 0.0, 10.0)
-        for number, at in enumerate(places, 1)
-    ]
+    seen = np.eye(2) * 0.01, 0.5, HEIGHT_M, 20, 0.9, 0.0, 10.0
+    return [MapObject(f"{LABEL}-{number}", LABEL, at, *seen) for number, at in enumerate(places, 1)]
 
 
 def samples(stamps_s: list[float], yaw_rad_s: float, random: np.random.Generator) -> ImuSamples:
@@ -130,10 +127,8 @@ def slam_of(camera: Camera, room: Room, imu: bool, corners: bool) -> SemanticSla
         return build_slam(camera, room.bundle(), FLOOR, SlamOptions(imu=imu))
     sources = hybrid_sources(camera, FLOOR, True, OdometryRules())
     odometry = HybridOdometry({name: source for name, source in sources.items() if name != "camera"})
-    return SemanticSlam(
-        Pipeline(room.bundle(), FLOOR, odometry, attitude=open_attitude("hybrid", camera, FLOOR, imu)),
-        Mapper(closes_loops=True),
-    )
+    front = Pipeline(room.bundle(), FLOOR, odometry, attitude=open_attitude("hybrid", camera, FLOOR, imu))
+    return SemanticSlam(front, Mapper(closes_loops=True))
 
 
 class Checked:

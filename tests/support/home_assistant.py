@@ -14,9 +14,9 @@ from homeassistant.core import Event, callback
 from homeassistant.helpers import device_registry
 from homeassistant.runner import RuntimeConfig
 
-CONFIGURATION = (
-    "homeassistant: {name: test, unit_system: metric, time_zone: UTC, elevation: 0}\nlogger: {default: warning}\n"
-)
+CONFIGURATION = """homeassistant: {name: test, unit_system: metric, time_zone: UTC, elevation: 0}
+logger: {default: warning}
+"""
 
 
 def write_configuration(folder: Path, port: int) -> None:

@@ -30,6 +30,10 @@ class RawViewer:
 
 
 @contextmanager
-def raw_viewer(port, query="", **options):
+def raw_viewer(port, query="", stream=False, **options):
+    """stream: it asks for updates."""
     with connect(f"ws://127.0.0.1:{port}/api/stream{query}", max_size=None, proxy=None, **options) as socket:
-        yield RawViewer(socket)
+        viewer = RawViewer(socket)
+        if stream:
+            viewer.say("stream")
+        yield viewer

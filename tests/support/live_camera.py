@@ -12,12 +12,13 @@ class Clock:
     """Seconds that pass when somebody waits."""
 
     def __init__(self, now_s=1000.0):
-        self.now_s = now_s
+        self.now_s, self.waits = now_s, []
 
     def __call__(self):
         return self.now_s
 
     def wait(self, seconds):
+        self.waits.append(seconds)
         self.now_s += max(seconds, 1e-3)
 
 

@@ -15,6 +15,11 @@ CAMERA_YAML = """{width: 64, height: 64, fx: 50.0, fy: 50.0, cx: 31.5, cy: 31.5,
 """
 
 
+def noise(index: int, shape: tuple[int, ...] = (64, 64, 3)) -> np.ndarray:
+    """Noise, (H, W, 3) uint8: it shows nothing, but nobody takes it for a covered lens or a frozen camera."""
+    return np.random.default_rng(index).integers(0, 255, shape, dtype=np.uint8)
+
+
 def write_pictures(folder: Path, count: int, size: tuple[int, int] = (48, 64)) -> None:
     """`0.png` and so on, (H, W), each in the grey of its number."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -13,9 +13,8 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.frame import Frame
 
-LENS = Intrinsics(
-    64, 48, 58.25, 58.5, 31.4, 23.6, Distortion("inverse_brown_conrady", (-0.05, 0.06, 0.0009, -0.0006, -0.02))
-)
+BENT = Distortion("inverse_brown_conrady", (-0.05, 0.06, 0.0009, -0.0006, -0.02))
+LENS = Intrinsics(64, 48, 58.25, 58.5, 31.4, 23.6, BENT)
 MOUNT = Mount.from_degrees(0.6, 11.5, 1.25, 0.15, -0.02)
 FACTS = Facts("test", LENS, MOUNT, 10.0)
 

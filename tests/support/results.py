@@ -23,9 +23,8 @@ from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 
-CHAIR = MapObject(
-    "chair-1", "chair", np.array([2.0, -1.0]), np.array([[0.04, 0.01], [0.01, 0.02]]), 0.5, 0.9, 7, 0.97, 1.0, 2.0
-)
+SPREAD = np.array([[0.04, 0.01], [0.01, 0.02]])
+CHAIR = MapObject("chair-1", "chair", np.array([2.0, -1.0]), SPREAD, 0.5, 0.9, 7, 0.97, 1.0, 2.0)
 POSES = [SE2(0.1 * i, 0.02 * i, 0.05 * i) for i in range(12)]
 OFF = SE2(0.4, -0.3, 0.2)  # what loop closure took back
 COVARIANCE = np.array([[0.01, 0.001, 0.0], [0.001, 0.02, 0.002], [0.0, 0.002, 0.03]])
@@ -45,9 +44,8 @@ def results(frames: list[Frame], poses: list[SE2]) -> Iterator[StepResult]:
         seen = sightings_of(detections, FloorCamera(LENS, MOUNT), FloorRule(), frame.index, frame.stamp_s)
         placed = [sighting.placed(pose, COVARIANCE) for sighting in seen]
         assert len(placed) == 1
-        observed = FrameObservations(
-            frame.index, frame.stamp_s, detections, seen, Motion(SE2(0.1, 0.0, 0.05), np.eye(3))
-        )
+        motion = Motion(SE2(0.1, 0.0, 0.05), np.eye(3))
+        observed = FrameObservations(frame.index, frame.stamp_s, detections, seen, motion)
         yield StepResult(
             frame=frame, pictured=frame, observed=observed, sightings=placed, object_ids=["chair-1"], merged={},
             pose_map_base=pose, pose_covariance=COVARIANCE, trajectory=PoseJournal(), travelled_m=0.0, stages_ms={},

@@ -49,11 +49,8 @@ def mapped(room, pose_room_map=None, random=None, sigma_m=0.0, missed=0.0, false
         if random is not None:
             place = place + random.normal(0.0, sigma_m, 2)
         numbers[label] = numbers.get(label, 0) + 1
-        objects.append(
-            MapObject(
-                f"{label}-{numbers[label]}", label, place, np.eye(2) * told_sigma_m**2, 0.5, 0.9, 10, 0.9, 1.0, 2.0
-            )
-        )
+        identity, own = f"{label}-{numbers[label]}", np.eye(2) * told_sigma_m**2
+        objects.append(MapObject(identity, label, place, own, 0.5, 0.9, 10, 0.9, 1.0, 2.0))
     return objects
 
 
@@ -77,9 +74,7 @@ def floor(rooms, pose=None, cut_m=9.0):
     """The grid of a floor as far as x, in the frame of a map at a pose: 3 cm samples, occupied round each room."""
     axes = [np.arange(-2.5, 8.0, 0.03)] * 2
     points = np.stack(np.meshgrid(*axes), axis=-1)
-    away = np.min(
-        [np.maximum(low - points, points - high).max(axis=-1) for low, high in np.array(rooms, float)], axis=0
-    )
+    away = np.min([np.maximum(low - points, points - high).max(-1) for low, high in np.array(rooms, float)], axis=0)
     places = (pose or SE2()).inverse().apply(points.reshape(-1, 2)).reshape(points.shape)
     cells = np.floor((places - places.min(axis=(0, 1))) / 0.05).astype(int)
     log_odds = np.zeros(cells.max(axis=(0, 1))[::-1] + 1, np.int8)

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
@@ -46,11 +46,8 @@ def camera_info(width: int, height: int, k: list[float], d: list[float], model: 
 def transform(parent: str, child: str, place: tuple[float, float, float], rpy_deg: tuple[float, float, float]) -> Any:
     """geometry_msgs/TransformStamped, angles as in URDF: roll, pitch, yaw about fixed axes."""
     q = Rotation.from_euler("xyz", rpy_deg, degrees=True).as_quat()
-    body = make(
-        "geometry_msgs/msg/Transform",
-        make("geometry_msgs/msg/Vector3", *place),
-        make("geometry_msgs/msg/Quaternion", *q),
-    )
+    at, turn = make("geometry_msgs/msg/Vector3", *place), make("geometry_msgs/msg/Quaternion", *q)
+    body = make("geometry_msgs/msg/Transform", at, turn)
     return make("geometry_msgs/msg/TransformStamped", header(1, parent), child, body)
 
 
@@ -91,17 +88,14 @@ def imu(stamp_ns: int, gyro: tuple[float, float, float], accel: tuple[float, flo
     )  # fmt: skip
 
 
-def write_bag(folder: Path, messages: list[tuple[str, int, Any]], compression: str | None = None) -> Path:
-    """(topic, log time in ns, message) into a bag; the path of the MCAP file inside its folder."""
-    writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
-    if compression:
-        writer.set_compression(CompressionMode.STORAGE, CompressionFormat[compression.upper()])
-    with writer:
+def write_bag(folder: Path, messages: list[tuple[str, int, Any]], plugin: StoragePlugin = StoragePlugin.MCAP) -> Path:
+    """(topic, log time in ns, message) into a bag; the path of the file of messages inside its folder."""
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
         connections: dict[str, Any] = {}
         for topic, stamp_ns, message in messages:
             kind = message.__msgtype__
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
             writer.write(connections[topic], stamp_ns, STORE.serialize_cdr(message, kind))
-    (path,) = folder.glob("*.mcap*")
+    (path,) = (file for file in folder.iterdir() if file.name != "metadata.yaml")
     return path

@@ -11,6 +11,9 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 
 FINER = 2  # samples per pixel, each way
+NOISE = 2.0  # of the sensor, grey levels
+COLUMNS, ROWS = 9, 6  # inner corners of a board
+Triple = tuple[float, float, float]
 
 
 @cache
@@ -21,27 +24,24 @@ def pixel_rays(lens: Intrinsics) -> np.ndarray:
     return lens.rays(np.column_stack([u.ravel(), v.ravel()])).reshape(*u.shape, 3)
 
 
-def shade(colour: np.ndarray, lens: Intrinsics, seed: int, noise: float) -> np.ndarray:
+def shade(colour: np.ndarray, lens: Intrinsics, seed: int) -> np.ndarray:
     """Samples (H * FINER, W * FINER) in 0..255 to a BGR picture with sensor noise."""
     fine = colour.reshape(lens.height, FINER, lens.width, FINER).mean(axis=(1, 3))
-    fine = fine + np.random.default_rng(seed).normal(0.0, noise, fine.shape)
+    fine = fine + np.random.default_rng(seed).normal(0.0, NOISE, fine.shape)
     return cv2.cvtColor(np.clip(np.rint(fine), 0, 255).astype(np.uint8), cv2.COLOR_GRAY2BGR)
 
 
-def board_colour(x_m: np.ndarray, y_m: np.ndarray, columns: int, rows: int, square_m: float) -> np.ndarray:
-    """Grey of a board of (columns + 1) x (rows + 1) squares with a white rim, its middle at the origin; else floor."""
-    i = np.floor(x_m / square_m + (columns + 1) / 2.0)
-    j = np.floor(y_m / square_m + (rows + 1) / 2.0)
-    inside = (i >= 0) & (i <= columns) & (j >= 0) & (j <= rows)
-    rim = (i >= -1) & (i <= columns + 1) & (j >= -1) & (j <= rows + 1)
+def board_colour(x_m: np.ndarray, y_m: np.ndarray, square_m: float) -> np.ndarray:
+    """Grey of a board of 10 x 7 squares with a white rim, its middle at the origin; else floor."""
+    i = np.floor(x_m / square_m + (COLUMNS + 1) / 2.0)
+    j = np.floor(y_m / square_m + (ROWS + 1) / 2.0)
+    inside = (i >= 0) & (i <= COLUMNS) & (j >= 0) & (j <= ROWS)
+    rim = (i >= -1) & (i <= COLUMNS + 1) & (j >= -1) & (j <= ROWS + 1)
     squares = np.where((i + j) % 2 == 0, 30.0, 220.0)
     return np.where(inside, squares, np.where(rim, 220.0, 110.0))
 
 
-def held_board(
-    lens: Intrinsics, place_m: tuple[float, float, float], rotvec_deg: tuple[float, float, float], seed: int,
-    columns: int = 9, rows: int = 6, square_m: float = 0.025, noise: float = 2.0, bend: float = 0.0,
-) -> np.ndarray:  # fmt: skip
+def held_board(lens: Intrinsics, place_m: Triple, rotvec_deg: Triple, seed: int, bend: float = 0.0) -> np.ndarray:
     """A board with its middle at a place of the optical frame, turned. bend: m^-1, how much it is curved."""
     rays = pixel_rays(lens)
     rotation = Rotation.from_rotvec(rotvec_deg, degrees=True).as_matrix()
@@ -50,13 +50,10 @@ def held_board(
     on_board = (rays * depth[..., None] - middle) @ rotation
     x, y = on_board[..., 0], on_board[..., 1]
     x = x * (1.0 + bend * x)
-    return shade(board_colour(x, y, columns, rows, square_m), lens, seed, noise)
+    return shade(board_colour(x, y, 0.025), lens, seed)
 
 
-def floor_board(
-    camera: FloorCamera, place_m: tuple[float, float], yaw_rad: float, seed: int,
-    columns: int = 9, rows: int = 6, square_m: float = 0.06, noise: float = 2.0,
-) -> np.ndarray:  # fmt: skip
+def floor_board(camera: FloorCamera, place_m: tuple[float, float], yaw_rad: float, seed: int) -> np.ndarray:
     """A board on the floor with its middle at a place of the base frame, seen by a mounted camera."""
     rays = pixel_rays(camera.intrinsics) @ camera.mount.rotation_base_optical().T
     lens = camera.mount.position_base_m()
@@ -65,11 +62,11 @@ def floor_board(
     y = lens[1] + rays[..., 1] * lens[2] / down - place_m[1]
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     # Seen from above a board is as it was printed: its rows go down, to the right hand of its columns.
-    grey = board_colour(c * x + s * y, s * x - c * y, columns, rows, square_m)
-    return shade(np.where(np.isfinite(grey) & np.isfinite(x), grey, 160.0), camera.intrinsics, seed, noise)
+    grey = board_colour(c * x + s * y, s * x - c * y, 0.06)
+    return shade(np.where(np.isfinite(grey) & np.isfinite(x), grey, 160.0), camera.intrinsics, seed)
 
 
-def room(lens: Intrinsics, mount: Mount, yaw_rad: float, seed: int, noise: float = 2.0) -> np.ndarray:
+def room(lens: Intrinsics, mount: Mount, yaw_rad: float, seed: int) -> np.ndarray:
     """A room of 8 x 6 x 2.5 m with panelled walls, seen from somewhere near its middle, heading yaw_rad."""
     random = np.random.default_rng(seed)
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
@@ -84,4 +81,4 @@ def room(lens: Intrinsics, mount: Mount, yaw_rad: float, seed: int, noise: float
     panel = np.floor(points / np.array([0.9, 0.7, 0.55]) + 0.31).astype(int)
     across = np.where(wall[..., None] == np.arange(3), 0, panel)
     grey = 60.0 + 150.0 * ((across @ np.array([7, 13, 29]) + 3 * wall) * 0.618 % 1.0)
-    return shade(np.where(wall == 2, 120.0, grey), lens, seed, noise)
+    return shade(np.where(wall == 2, 120.0, grey), lens, seed)

@@ -12,13 +12,8 @@ from edgemap.runtime.frames.frame import Frame
 CAMERA = FloorCamera(Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5), Mount.from_degrees(0.5, 15.0, 0.0, 0.12))
 
 
-def floor_texture():
-    rng = np.random.default_rng(0)
-    texture = cv2.resize(rng.integers(0, 255, (150, 150), dtype=np.uint8), (1500, 1500), interpolation=cv2.INTER_CUBIC)
-    return cv2.cvtColor(texture, cv2.COLOR_GRAY2BGR)
-
-
-TEXTURE = floor_texture()
+BLOBS = np.random.default_rng(0).integers(0, 255, (150, 150), dtype=np.uint8)
+TEXTURE = cv2.cvtColor(cv2.resize(BLOBS, (1500, 1500), interpolation=cv2.INTER_CUBIC), cv2.COLOR_GRAY2BGR)
 
 
 def seen_by(camera: FloorCamera, pose: SE2) -> np.ndarray:

@@ -1,9 +1,12 @@
 import threading
-from dataclasses import asdict
+from contextlib import ExitStack, closing
+from dataclasses import asdict, replace
 
+import numpy as np
 import pytest
 from support.steps import Steps
 
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.runtime.frames.colours import SHAPES, label_mark
 from edgemap.runtime.frames.faults import Fault, FaultKind
 
@@ -23,7 +26,7 @@ ABOUT = {
 class Served:
     """A page of made-up steps on a server of its own."""
 
-    def __init__(self, folder, host="127.0.0.1", port=0, live=False):
+    def __init__(self, folder, host="127.0.0.1", port=0, live=False, steps=0):
         from edgemap.view.page import LivePage
         from edgemap.view.pause import Pause
         from edgemap.view.server import PageServer
@@ -36,6 +39,7 @@ class Served:
         threading.Thread(target=self._take_edits, daemon=True).start()
         self.port, self.token = self.server.port, self.server.token
         self.url = self.server.url
+        self.step(steps)
 
     def step(self, count=1):
         with self.stepping:
@@ -46,6 +50,13 @@ class Served:
         fault = Fault(FaultKind.ODOMETRY, text)
         self.page.write(*self.steps.next(fault))
         self.page.fault(fault)
+
+    def sees_a_room(self):
+        """One of 3 x 4 m whose walls are obstacles."""
+        odds = np.full((84, 64), 40, np.int8)
+        odds[2:82, 2:62] = -40
+        result, objects = self.steps.next()
+        self.page.write(replace(result, grid=OccupancyGrid(odds, 1.0, -1.0, 0.05)), objects)
 
     def close(self):
         self._over.set()
@@ -60,16 +71,9 @@ class Served:
 
 @pytest.fixture
 def serve(tmp_path):
-    """serve(host=…, port=…, live=…) -> Served; all are closed at the end."""
-    served = []
-
-    def start(**options):
-        served.append(Served(tmp_path, **options))
-        return served[-1]
-
-    yield start
-    for one in served:
-        one.close()
+    """serve(host=…, port=…, live=…, steps=…) -> Served; all are closed at the end."""
+    with ExitStack() as served:
+        yield lambda **options: served.enter_context(closing(Served(tmp_path, **options)))
 
 
 @pytest.fixture
@@ -93,8 +97,7 @@ def watched(serve, look):
     """watched(steps, …) -> a run of so many steps and a tab that shows the last one; options are those of `look`."""
 
     def opened(steps, **options):
-        served = serve()
-        served.step(steps)
+        served = serve(steps=steps)
         tab = look(served, **options)
         shown = f"edgemap.map.objects.size === {len(served.page.objects)} && !edgemap.map.asked"
         tab.until(f"edgemap.frame === {steps - 1} && {shown}")

@@ -5,7 +5,6 @@ import re
 import shlex
 import socket
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -18,7 +17,6 @@ from support.live import raw_viewer
 
 from edgemap.bridges.mcp.maps import open_source
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.runtime.step.map_file import save_map
 from edgemap.view import questions
 from edgemap.view.api import OPENAPI, api_routes
@@ -32,8 +30,7 @@ SPEC = yaml.safe_load(OPENAPI.read_text())
 @pytest.fixture
 def robot(serve):
     """(served, api): a page of twelve steps."""
-    served = serve()
-    served.step(12)
+    served = serve(steps=12)
     return served, Api(served.port)
 
 
@@ -49,16 +46,11 @@ def conforms(path, method, status, body):
 
 def test_the_openapi_text_names_every_address_and_no_other(robot):
     served, api = robot
-    routes = {
-        (route.path, method)
-        for route in api_routes(served.page, ProcessUsage())
-        for method in route.methods or ()
-        if method != "HEAD"
-    }
+    routes = {(route.path, name) for route in api_routes(served.page, ProcessUsage()) for name in route.methods or ()}
+    routes = {(path, name) for path, name in routes if name != "HEAD"}
     methods = ("get", "post", "put", "patch", "delete")
-    assert routes == {
-        (path, method.upper()) for path, item in SPEC["paths"].items() for method in item if method in methods
-    }
+    wanted = {(path, method.upper()) for path, item in SPEC["paths"].items() for method in item if method in methods}
+    assert routes == wanted
     assert api.get("/api/openapi.yaml") == OPENAPI.read_bytes()
 
 
@@ -127,8 +119,7 @@ def test_without_pictures_no_pixel_leaves(serve):
         sent += body if isinstance(body, bytes) else repr(body).encode()
         assert (status == 403) == path.endswith("/picture")
         assert not headers.get("content-type", "").startswith("image/")
-    with raw_viewer(served.port) as viewer:
-        viewer.say("stream")
+    with raw_viewer(served.port, stream=True) as viewer:
         update = viewer.update()
     assert update.pop("jpeg") == b""
     sent += json.dumps(update).encode()
@@ -185,8 +176,7 @@ def test_the_pages_commands_run_in_order(robot, tmp_path):
 
 def test_the_stream_is_as_the_page_says(robot):
     served, _ = robot
-    with raw_viewer(served.port) as viewer:
-        viewer.say("stream")
+    with raw_viewer(served.port, stream=True) as viewer:
         update = viewer.update()
     assert update["zones"] == []
     items = re.findall(r"^\| `(\w+)`", DOCS.with_name("http-stream.md").read_text(), re.M)
@@ -246,10 +236,7 @@ def test_a_room_of_the_floor_plan_becomes_a_named_zone(robot):
     served, api = robot
     conforms("/api/rooms", "GET", 200, api.get("/api/rooms"))
     assert api.get("/api/rooms") == []  # nothing is closed yet
-    odds = np.full((84, 64), 40, np.int8)  # a room of 3 x 4 m whose walls are obstacles
-    odds[2:82, 2:62] = -40
-    result, objects = served.steps.next()
-    served.page.write(replace(result, grid=OccupancyGrid(odds, 1.0, -1.0, 0.05)), objects)
+    served.sees_a_room()
     (room,) = rooms = api.get("/api/rooms")
     conforms("/api/rooms", "GET", 200, rooms)
     assert room["area_m2"] == pytest.approx(12.0, rel=0.08)
@@ -395,8 +382,7 @@ def test_edits_that_cannot_be_are_refused_in_one_line(robot):
 
 def test_an_edit_that_the_run_does_not_take_is_withdrawn(serve, monkeypatch):
     monkeypatch.setattr("edgemap.view.questions.EDIT_LIMIT_S", 0.05)
-    served = serve()
-    served.step(12)
+    served = serve(steps=12)
     with served.stepping:  # the run is busy in a step
         status, _, body = Api(served.port)("PATCH", "/api/objects/chair-1", {"name": "late"})
     assert (status, "withdrawn" in body["error"]) == (503, True)

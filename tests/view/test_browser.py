@@ -31,10 +31,8 @@ def test_it_shows_what_the_robot_sees_and_asks_nobody_else(watched):
     served, tab = watched(5)
     tab.until("document.querySelectorAll('#objects li').length === 2")
     assert tab.value("[...document.querySelectorAll('#objects li')].map(li => li.dataset.id)") == ["chair-1", "couch-1"]
-    assert (
-        tab.value("document.getElementById('caption').textContent")
-        == "frame 5 of 100, 0.4 s3 in view, 2 on the floor; metres from the robot"
-    )
+    caption = tab.value("document.getElementById('caption').textContent")
+    assert caption == "frame 5 of 100, 0.4 s3 in view, 2 on the floor; metres from the robot"
     assert tab.value("document.getElementById('state').textContent") == "running"
     stages = tab.value("[...document.querySelectorAll('#stages th')].map(cell => cell.textContent)")
     assert stages == ["preprocess", "backbone", "closure", "map", "grid", "relocalisation"]
@@ -83,8 +81,7 @@ def test_a_hidden_tab_gets_nothing_until_it_is_seen_again(serve, look, browser):
 
 
 def test_it_comes_back_by_itself_after_the_robot_was_restarted(serve, look):
-    first = serve()
-    first.step(5)
+    first = serve(steps=5)
     tab = look(first)
     tab.until("edgemap.frame === 4")
     tab.click("sightings")
@@ -100,8 +97,7 @@ def test_it_comes_back_by_itself_after_the_robot_was_restarted(serve, look):
 
 
 def test_pause_holds_the_run_for_all_and_resumes(serve, look):
-    served = serve()
-    served.step(2)
+    served = serve(steps=2)
     one, other = look(served), look(served)
     one.click("pause")
     other.until("edgemap.state === 'paused'")
@@ -235,9 +231,8 @@ def test_what_is_wrong_stands_first_in_words(watched):
     served.page.camera_state = lambda: "lost"
     served.fault("window odometry: 3 corners on the floor")
     tab.until(f"{headline} === 'The camera is lost. The map so far is saved.'")
-    assert tab.value("[...document.querySelectorAll('#problems li')].map(li => li.textContent)") == [
-        "Odometry: window odometry: 3 corners on the floor."
-    ]
+    problems = tab.value("[...document.querySelectorAll('#problems li')].map(li => li.textContent)")
+    assert problems == ["Odometry: window odometry: 3 corners on the floor."]
     assert tab.value("document.getElementById('status').dataset.level") == "fault"
     assert tab.value("document.getElementById('status').getBoundingClientRect().top") == 0
     assert tab.value("document.body.firstElementChild.id") == "status"
@@ -253,8 +248,7 @@ def tap(tab, left, top):
 
 
 def test_an_object_is_picked_on_the_map_and_in_the_list(serve, look):
-    served = serve()
-    served.step(12)
+    served = serve(steps=12)
     served.page.crops.consider(served.page.newest.result)
     tab = look(served)
     tab.until("edgemap.frame === 11 && document.querySelectorAll('#objects li').length === 2 && !edgemap.map.asked")
@@ -285,13 +279,10 @@ def test_the_list_is_by_distance_from_the_robot(watched):
 
 def test_fit_shows_all_of_a_large_map(serve, look):
     """Ellipses and the far ends of a map 300 m long are inside; below the buttons, above the scale."""
-    served = serve()
-    served.step(12)
+    served = serve(steps=12)
     result, objects = served.steps.next()
-    far = [
-        replace(objects[0], id=f"chair-{n}", position_m=np.array(at))
-        for n, at in enumerate([(300.0, 20.0), (-5.0, -80.0)], 5)
-    ]
+    places = (300.0, 20.0), (-5.0, -80.0)
+    far = [replace(objects[0], id=f"chair-{n}", position_m=np.array(at)) for n, at in enumerate(places, 5)]
     served.page.write(result, [*objects, *far])
     for width, height in ((1440, 900), (390, 844)):
         tab = look(served, width=width, height=height)
@@ -299,7 +290,7 @@ def test_fit_shows_all_of_a_large_map(serve, look):
         away = "(({now, goal}) => Math.abs(goal.x - now.x) + Math.abs(goal.y - now.y) < .1 && now.scale < 5)"
         tab.until(f"{away}(edgemap.map.view)")
         size = tab.value("(map => [map.clientWidth, map.clientHeight])(document.getElementById('map'))")
-        for at in ((300.0, 20.0), (-5.0, -80.0), (0.0, 0.0)):
+        for at in (*places, (0.0, 0.0)):
             left, top = tab.value(f"edgemap.map.view.toScreen({at[0]}, {at[1]})")
             assert 20 <= left <= size[0] - 20, at
             assert 50 <= top <= size[1] - 30, at
@@ -320,8 +311,7 @@ def press(tab, text, within="#detail"):
 
 
 def test_an_object_is_named_confirmed_merged_and_deleted_and_all_is_taken_back(serve, look):
-    served = serve()
-    served.step(12)
+    served = serve(steps=12)
     tab, other = look(served), look(served)
     names = "[...document.querySelectorAll('#objects .who')].map(who => who.textContent).join()"
     hostile = '<img src=x onerror=window.hurt=1> & "Zoë\'s"'

@@ -70,9 +70,7 @@ def test_a_held_run_goes_on_where_it_was_and_ctrl_c_ends_a_held_one(start, tmp_p
     assert json.loads((tmp_path / "run0" / "run.json").read_text())["finished"]
 
 
-def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(
-    start, edgemap, floorless_bundle, tmp_path
-):
+def test_edits_reach_the_map_on_disk_in_a_held_run_and_after_its_end(start, edgemap, floorless_bundle, tmp_path):
     """And `--config-options`, or a recording that holds them, takes them at the same frames again."""
     tape = tmp_path / "tape.mcap"
     process, port = start("--camera", "demo", "--frames", "25", "--record", f"lossless:{tape}")

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.faults import made
+from support.live_camera import Clock
 from support.made_camera import MadeCamera
 from support.steps import Steps
 
@@ -57,23 +58,18 @@ def indices(camera, count):
 
 def test_after_a_pause_frames_keep_their_pace_and_none_is_lost(monkeypatch):
     """Stamps are 0.4 s apart; the clock is the test's own, and sleeping moves it. A pause of 30 s between two."""
-    now, waits = [0.0], []
-
-    def sleep(seconds):
-        waits.append(seconds)
-        now[0] += seconds
-
-    monkeypatch.setattr("time.sleep", sleep)
-    pause = Pause(lambda: now[0])
+    clock = Clock()
+    monkeypatch.setattr("time.sleep", clock.wait)
+    pause = Pause(clock)
     five = MadeCamera(5, lambda _: np.zeros((4, 4, 3), np.uint8), rate_hz=2.5)
     camera = PausableCamera(PacedCamera(five, pause.running_s), pause, lambda: False)
     assert indices(camera, 2) == [0, 1]
     pause.set(True)
-    now[0] += 30.0
+    clock.now_s += 30.0
     pause.set(True)  # twice is once
     pause.set(False)
     assert indices(camera, 4) == [2, 3, 4, None]
-    assert waits == pytest.approx([0.4] * 4)
+    assert clock.waits == pytest.approx([0.4] * 4)
 
 
 def test_a_frame_is_encoded_once_and_a_waiting_viewer_is_woken_once(tmp_path):

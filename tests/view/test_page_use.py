@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -14,7 +13,6 @@ from edgemap.cli.guessed_camera import CameraKeeper
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 
 PHONE = {"width": 390, "height": 844}
@@ -155,12 +153,8 @@ def test_with_the_keyboard_alone_a_zone_is_drawn(watched):
 
 
 def test_a_tap_inside_a_room_offers_its_outline_as_a_zone(serve, look):
-    served = serve()
-    served.step(11)
-    odds = np.full((84, 64), 40, np.int8)  # a room of 3 x 4 m whose walls are obstacles
-    odds[2:82, 2:62] = -40
-    result, objects = served.steps.next()
-    served.page.write(replace(result, grid=OccupancyGrid(odds, 1.0, -1.0, 0.05)), objects)
+    served = serve(steps=11)
+    served.sees_a_room()
     tab = look(served)
     tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
     tab.click("draw")
@@ -183,9 +177,8 @@ def test_the_robots_pose_and_the_dock_are_set_on_the_map(watched):
     served, tab = watched(12)
     press = "[...document.querySelectorAll('#drawing button')].find(b => b.textContent === '{}').click()".format
     tab.click("set-dock")
-    tab.value(
-        "edgemap.map.tap(...edgemap.map.view.toScreen(1, 1)); edgemap.map.tap(...edgemap.map.view.toScreen(1, 2))"
-    )
+    for y_m in (1, 2):
+        tab.value(f"edgemap.map.tap(...edgemap.map.view.toScreen(1, {y_m}))")
     tab.value(press("Set dock"))
     tab.until("edgemap.map.dock !== null")
     dock = served.page.annotations.dock
@@ -217,28 +210,25 @@ def test_an_object_is_added_on_the_map_and_drawn_in_its_shape(watched):
     assert tab.value(f"{filled}(2.75, 2.1)") == 0  # 0.75 m ahead is outside of 0.9 m depth
 
 
-CAMERA = FloorCamera(
-    Intrinsics(320, 240, 293.0, 290.0, 159.5, 119.5, Distortion("brown_conrady", (0.1, -0.02, 0.003, -0.002, 0.01))),
-    Mount.from_degrees(0.6, 11.5, 2.0, 0.1),
-)
+BENT = Distortion("brown_conrady", (0.1, -0.02, 0.003, -0.002, 0.01))
+CAMERA = FloorCamera(Intrinsics(320, 240, 293.0, 290.0, 159.5, 119.5, BENT), Mount.from_degrees(0.6, 11.5, 2.0, 0.1))
 
 
-def with_mount(served, folder):
-    """The run that this page belongs to, as `edgemap run` opens it; its folder has a camera.yaml."""
-    lens, mount = CAMERA.intrinsics, CAMERA.mount
+def laid(serve, look, folder, **options):
+    """A page of a run as `edgemap run` opens it, its folder for a camera.yaml; a tab with the floor grid over it."""
+    served, lens, mount = serve(steps=3), CAMERA.intrinsics, CAMERA.mount
     served.page.about |= {"lens": json.loads(msgspec.json.encode(lens)), "mount": {
         "height_m": mount.height_m, "pitch_deg": 11.5, "roll_deg": 2.0, "forward_m": 0.1, "left_m": 0.0,
     }}  # fmt: skip
     served.page.keep_mount = CameraKeeper(folder, CAMERA, None).set_mount
-    return served
+    tab = look(served, **options)
+    tab.until("edgemap.frame === 2")
+    tab.click("lay-grid")
+    return served, tab
 
 
 def test_the_floor_grid_is_dragged_until_it_lies_flat_and_saved(serve, look, tmp_path):
-    served = with_mount(serve(), tmp_path)
-    served.step(3)
-    tab = look(served)
-    tab.until("edgemap.frame === 2")
-    tab.click("lay-grid")
+    served, tab = laid(serve, look, tmp_path)
     points = [[1.0, 0.5], [3.0, -1.0], [0.8, -0.4]]
     drawn = tab.value(f"{points}.map(([x, y]) => edgemap.grid.floor(x, y))")
     ahead = np.array(points) + [0.1, 0.0]  # the page counts from the lens
@@ -273,11 +263,7 @@ def test_the_floor_grid_is_dragged_until_it_lies_flat_and_saved(serve, look, tmp
 
 
 def test_a_grid_that_is_given_up_changes_nothing(serve, look, tmp_path):
-    served = with_mount(serve(), tmp_path)
-    served.step(3)
-    tab = look(served, **PHONE)
-    tab.until("edgemap.frame === 2")
-    tab.click("lay-grid")
+    _, tab = laid(serve, look, tmp_path, **PHONE)
     tab.value("edgemap.grid.set({ pitch_deg: -40 })")
     tab.value("edgemap.grid.save()")
     tab.until("document.getElementById('notice').textContent.includes('looks at the sky')")
@@ -289,8 +275,7 @@ def test_a_grid_that_is_given_up_changes_nothing(serve, look, tmp_path):
 @pytest.mark.skipif(find_axe() is None, reason="no axe-core: npm install --no-save axe-core")
 @pytest.mark.parametrize(("scheme", "size"), [("light", {}), ("dark", PHONE)])
 def test_axe_finds_no_serious_fault_on_the_page(serve, look, scheme, size):
-    served = serve()
-    served.step(12)
+    served = serve(steps=12)
     api = Api(served.port)
     api("POST", "/api/zones", {"name": "hall", "corners_m": [[0, 0], [4, 0], [4, 3]]})
     served.fault("window odometry: 3 corners on the floor")

@@ -71,8 +71,7 @@ def test_another_sites_script_gets_neither_map_nor_socket(serve):
 
 @pytest.mark.parametrize("site", ["cross-site", "same-site"])
 def test_another_sites_picture_of_the_page_stays_empty(serve, site):
-    served = serve()
-    served.step()
+    served = serve(steps=1)
     asked = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors", "Sec-Fetch-Dest": "image"}
     assert ask(served.port, "/api/picture", **asked)[0] == 403
     assert ask(served.port, "/", **asked | {"Sec-Fetch-Dest": "iframe", "Sec-Fetch-Mode": "navigate"})[0] == 403
@@ -123,10 +122,8 @@ def test_the_token_lets_in_and_leaves_the_address_bar(serve):
     assert ask(port, "/api/map", Authorization=f"Bearer {token}")[0] == 200
     with raw_viewer(port, additional_headers={"Cookie": kept}) as viewer:
         assert viewer.hello["type"] == "hello"
-    with (
-        pytest.raises(InvalidStatus),
-        raw_viewer(port, origin="http://evil.example", additional_headers={"Cookie": kept}),
-    ):
+    stranger = raw_viewer(port, origin="http://evil.example", additional_headers={"Cookie": kept})
+    with pytest.raises(InvalidStatus), stranger:
         pass
 
 
@@ -158,10 +155,8 @@ def test_a_taken_port_and_a_foreign_address_are_one_line_each(serve, tmp_path):
 
 
 def test_an_update_is_what_changed_since_the_last(serve):
-    served = serve()
-    served.step(4)
-    with raw_viewer(served.port) as viewer:
-        viewer.say("stream")
+    served = serve(steps=4)
+    with raw_viewer(served.port, stream=True) as viewer:
         first = viewer.update()
         assert (first["frame"], first["state"]) == (3, "running")
         assert {item["id"] for item in first["changed"]} == {"chair-1", "couch-1"}
@@ -184,10 +179,8 @@ def test_an_update_is_what_changed_since_the_last(serve):
 
 
 def test_after_a_relocation_all_is_sent_anew(serve):
-    served = serve()
-    served.step(3)
-    with raw_viewer(served.port) as viewer:
-        viewer.say("stream")
+    served = serve(steps=3)
+    with raw_viewer(served.port, stream=True) as viewer:
         first = viewer.update()
         assert (first["moved"], len(first["trail"])) == (False, 3)
         assert "sightings" not in first
@@ -233,8 +226,7 @@ def test_a_viewer_that_shows_nothing_is_sent_a_few_and_stops_nobody(serve):
 def test_an_answer_that_is_three_pictures_late_costs_no_picture(serve):
     """As over a link of 300 ms, there and back, at 10 Hz."""
     served, late = serve(), 3
-    with raw_viewer(served.port) as viewer:
-        viewer.say("stream")
+    with raw_viewer(served.port, stream=True) as viewer:
         viewer.update()  # before the first picture
         for frame in range(20):
             served.step()
@@ -246,8 +238,7 @@ def test_an_answer_that_is_three_pictures_late_costs_no_picture(serve):
 
 def test_nothing_is_sent_or_encoded_while_nobody_looks(serve, monkeypatch):
     served = serve()
-    with raw_viewer(served.port) as viewer:
-        viewer.say("stream")
+    with raw_viewer(served.port, stream=True) as viewer:
         viewer.update()
         viewer.say("shown")
         viewer.say("stream", on=False)
@@ -263,8 +254,7 @@ def test_nothing_is_sent_or_encoded_while_nobody_looks(serve, monkeypatch):
 
 
 def test_a_rude_viewer_is_shown_out_and_the_rest_stay(serve):
-    served = serve()
-    served.step()
+    served = serve(steps=1)
     rude = ("no json", '{"do":"format the disk"}', '{"do":"stream","on":3}', '{"do":"pause"}', b"\0\1", "x" * 10_000)
     with raw_viewer(served.port) as good:
         for text in rude:
@@ -280,19 +270,16 @@ def test_a_rude_viewer_is_shown_out_and_the_rest_stay(serve):
 def test_silent_connections_do_not_keep_the_owner_out(serve):
     """Seventy that say nothing and seventy that send half a header; whoever asks is answered."""
     served = serve(host="0.0.0.0")
-    silent = [socket.create_connection(("127.0.0.1", served.port), timeout=60) for _ in range(70)]
-    slow = [socket.create_connection(("127.0.0.1", served.port), timeout=60) for _ in range(70)]
-    for connection in slow:
-        with suppress(OSError):
-            connection.sendall(b"GET / HTTP/1.1\r\nHost: ")
-    try:
+    address = ("127.0.0.1", served.port)
+    with ExitStack() as opened:
+        silent = [opened.enter_context(socket.create_connection(address, timeout=60)) for _ in range(140)]
+        for slow in silent[70:]:
+            with suppress(OSError):
+                slow.sendall(b"GET / HTTP/1.1\r\nHost: ")
         assert ask(served.port, "/api/map", Authorization=f"Bearer {served.token}")[0] == 200
         with raw_viewer(served.port, f"?token={served.token}") as viewer:
             assert viewer.hello["type"] == "hello"
             assert ask(served.port)[0] == 401
-    finally:
-        for connection in (*silent, *slow):
-            connection.close()
 
 
 def test_there_is_an_end_to_how_many_may_look(serve):
@@ -321,8 +308,7 @@ def test_a_server_that_dies_says_so_in_one_line(serve, monkeypatch):
 
 def test_closing_frees_the_port_even_with_viewers(serve):
     served = serve()
-    with raw_viewer(served.port) as viewer:
-        viewer.say("stream")
+    with raw_viewer(served.port, stream=True) as viewer:
         served.step()
         viewer.update()
         served.server.close()
@@ -334,8 +320,7 @@ def test_closing_frees_the_port_even_with_viewers(serve):
 
 
 def test_an_edit_that_waits_when_the_page_closes_is_answered(serve, capfd):
-    served = serve()
-    served.step(30)
+    served = serve(steps=30)
     answers = []
     with served.stepping:  # the run takes no edit any more
         path = f"/api/objects/{served.page.newest.objects[0].id}"

@@ -1,7 +1,7 @@
 """Robots, a keeper and late joiners over zenoh on this machine, as separate sessions."""
 
 import json
-from contextlib import suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -38,15 +38,8 @@ def address():
 @pytest.fixture
 def opened():
     """Keeps what is given, and closes it at the end."""
-    things = []
-
-    def keep(thing):
-        things.append(thing)
-        return thing
-
-    yield keep
-    for thing in things:
-        thing.close()
+    with ExitStack() as things:
+        yield lambda thing: things.enter_context(closing(thing))
 
 
 def home(robots, seed=3):
@@ -164,12 +157,9 @@ def test_walls_join_maps_with_few_objects_and_the_place_has_the_floor(tmp_path, 
     assert f"saved in {late}" in capsys.readouterr().out
     for path in (late, tmp_path, tmp_path / "robots" / "two.json"):
         grid = load_grid(path)
-        assert grid is not None
         assert (grid.at(began.inverse().apply([[2.0, 1.5]]) if path.name == "two.json" else [[2.0, 1.5]]) == 0).all()
     keeper.close()
-    again = PlaceKeeper("home", tmp_path, listen=address)
-    assert together("one", "two")(again.update())
-    again.close()
+    assert together("one", "two")(opened(PlaceKeeper("home", tmp_path, listen=address)).update())
 
 
 def sample(kind, name, message):

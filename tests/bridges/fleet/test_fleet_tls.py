@@ -34,9 +34,8 @@ def certificates(folder):
     call("req", "-x509", *key, "-keyout", "ca.key", "-out", "ca.pem", "-days", "2", "-subj", "/CN=authority",
          "-addext", "basicConstraints=critical,CA:TRUE")  # fmt: skip
     for name in ("keeper", "vacuum"):
-        (folder / f"{name}.ext").write_text(
-            "subjectAltName=IP:127.0.0.1,DNS:localhost\nextendedKeyUsage=serverAuth,clientAuth\n"
-        )
+        text = "subjectAltName=IP:127.0.0.1,DNS:localhost\nextendedKeyUsage=serverAuth,clientAuth\n"
+        (folder / f"{name}.ext").write_text(text)
         call("req", *key, "-keyout", f"{name}.key", "-out", f"{name}.csr", "-subj", f"/CN={name}")
         call("x509", "-req", "-in", f"{name}.csr", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial",
              "-out", f"{name}.pem", "-days", "2", "-extfile", f"{name}.ext")  # fmt: skip
@@ -62,7 +61,6 @@ def test_only_certificates_of_the_authority_and_only_their_own_name(tmp_path, mo
     certificates(tmp_path)
     port = free_port()
     shown = re.search(r"```json5\n(.*?)```", DOCUMENTED.read_text(), re.S)
-    assert shown
     text = shown[1].replace("0.0.0.0:7447", f"127.0.0.1:{port}")
     text = re.sub(r'"(\w+\.(?:pem|key))"', lambda found: json.dumps(str(tmp_path / found[1])), text)
     settings = tmp_path / "keeper.json5"

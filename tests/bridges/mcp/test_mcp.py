@@ -33,10 +33,8 @@ def home(tmp_path):
     hall = Zone("zone-1", "hall", ((2.0, -2.0), (5.0, -2.0), (5.0, 0.0), (2.0, 0.0)))
     identity = MapIdentity("the-home", 3, level="care", reasons=("dim light",))
     den = Room("room-1", hall.corners_m, "bedroom", "den")
-    beside = [
-        Room(f"room-{n}", tuple((x + x_m, y) for x, y in ((0.0, 3.0), (2.0, 3.0), (2.0, 5.0), (0.0, 5.0))))
-        for n, x_m in ((2, 2.1), (3, 4.1))
-    ]
+    squares = {n: ((x, 3.0), (x + 2.0, 3.0), (x + 2.0, 5.0), (x, 5.0)) for n, x in ((2, 2.1), (3, 4.1))}
+    beside = [Room(f"room-{n}", corners) for n, corners in squares.items()]
     notes = Annotations((hall,), rooms=(den, *beside), vanished=(gone,), identity=identity)
     save_map(tmp_path / "map.json", [replace(chair, name=HOSTILE), bag, replace(other, confidence=0.98)], notes)
     return tmp_path
@@ -60,10 +58,8 @@ def value(result):
 
 def test_where_is_it_and_since_when_over_standard_input_and_output(home):
     command = ["-c", "import sys; from edgemap.cli import main; sys.exit(main())", "mcp", str(home)]
-    tools, results = asked(
-        StdioServerParameters(command=sys.executable, args=command),
-        *(("where_is", {"what": what}) for what in ("backpack", "Backpack-9", HOSTILE, "tv", "unicorn")),
-    )
+    questions = [("where_is", {"what": what}) for what in ("backpack", "Backpack-9", HOSTILE, "tv", "unicorn")]
+    tools, results = asked(StdioServerParameters(command=sys.executable, args=command), *questions)
     assert tools == TOOLS
     bag, former, named, tv, none = map(value, results)
     (found,) = bag["objects"]
@@ -122,9 +118,8 @@ def test_what_cannot_be_is_one_line(home, tool, arguments, words):
 
 
 def test_only_with_write_an_agent_marks_and_only_with_pictures_it_sees(home):
-    tools, (result,) = asked(
-        server(open_source(str(home)), write=True), ("mark", {"id": "chair-2", "name": "mine", "confirmed": True})
-    )
+    stated = {"id": "chair-2", "name": "mine", "confirmed": True}
+    tools, (result,) = asked(server(open_source(str(home)), write=True), ("mark", stated))
     assert tools == TOOLS | {"mark"}
     assert (value(result)["objects"][0]["name"], value(result)["objects"][0]["confirmed"]) == ("mine", True)
     chair = next(item for item in load_map(home) if item.id == "chair-2")

@@ -26,9 +26,8 @@ from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.step.mapper import Mapper
 
 pytest.importorskip("paho.mqtt")
-pytestmark = pytest.mark.skipif(
-    bool(MISSING), reason=f"not here: {', '.join(MISSING)} (apt install mosquitto …-clients)"
-)
+LACKS = f"not here: {', '.join(MISSING)} (apt install mosquitto …-clients)"
+pytestmark = pytest.mark.skipif(bool(MISSING), reason=LACKS)
 
 from edgemap.bridges.mqtt.picture import MapPicture  # noqa: E402
 from edgemap.bridges.mqtt.sink import MqttPublisher, topic_level  # noqa: E402
@@ -78,17 +77,12 @@ def test_a_newcomer_is_told_state_objects_and_the_device(broker):
     kinds = {
         "changes": "event", "picture": "image", "save": "button", "relocalise": "button", "camera": "binary_sensor",
     }  # fmt: skip
-    kinds |= {"unreliable": "binary_sensor"} | dict.fromkeys(
-        ("fault", "heading", "objects", "room", "x", "y"), "sensor"
-    )
-    assert sorted(entities) == sorted(
-        f"homeassistant/{kind}/edgemap-robo/{name}/config" for name, kind in kinds.items()
-    )
+    kinds["unreliable"] = "binary_sensor"
+    kinds |= dict.fromkeys(("fault", "heading", "objects", "room", "x", "y"), "sensor")
+    assert entities.keys() == {f"homeassistant/{kind}/edgemap-robo/{name}/config" for name, kind in kinds.items()}
     device = {"identifiers": ["edgemap-robo"], "name": "robo", "manufacturer": "edgemap", "sw_version": VERSION}
     assert all(entity["device"] == device for entity in entities.values())
-    assert all(
-        (entity["~"], entity["availability_topic"]) == ("edgemap/robo", "~/status") for entity in entities.values()
-    )
+    assert {(one["~"], one["availability_topic"]) for one in entities.values()} == {("edgemap/robo", "~/status")}
     topics = {value for entity in entities.values() for key, value in entity.items() if key.endswith("_topic")}
     assert topics == {f"~/{name}" for name in ("status", "state", "events", "map", "command")}
     assert len({entity["unique_id"] for entity in entities.values()}) == len(kinds)
@@ -108,11 +102,8 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
     with closing(MqttPublisher("127.0.0.1", broker.port, run)) as sink:
         sink.write(zoned, objects)
         sent = broker.retained(until=lambda sent: "edgemap/robo/zones/zone-1" in sent and "edgemap/robo/map" in sent)
-        assert json.loads(sent["edgemap/robo/zones/zone-1"]) == {
-            "name": "corner",
-            "occupied_by": [objects[0].id],
-            "count": 1,
-        }
+        occupied = {"name": "corner", "occupied_by": [objects[0].id], "count": 1}
+        assert json.loads(sent["edgemap/robo/zones/zone-1"]) == occupied
         assert json.loads(sent[config])["name"] == "corner"
         entity = json.loads(sent["homeassistant/button/edgemap-robo/relocalise/config"])
         assert (json.loads(sent[STATE])["camera"], json.loads(sent[STATE])["room"]) == ("running", None)
@@ -295,11 +286,10 @@ def test_a_broker_that_takes_nothing_does_not_keep_a_run_from_ending(monkeypatch
         answering.join(10.0)
 
 
-@pytest.mark.parametrize(
-    ("packet", "stays"),
-    [(b"\x31\x05\x00\x02\xff\xfex", True), (b"\x31\xff\xff\xff\x7f" + bytes(100), False)],
-    ids=["a topic that is no UTF-8", "a message of 256 MB"],
-)
+NO_UTF_8, OF_256_MB = b"\x31\x05\x00\x02\xff\xfex", b"\x31\xff\xff\xff\x7f" + bytes(100)
+
+
+@pytest.mark.parametrize(("packet", "stays"), [(NO_UTF_8, True), (OF_256_MB, False)], ids=["no UTF-8", "256 MB"])
 def test_a_brokers_message_never_ends_what_is_sent(packet, stays):
     """stays: whether the connection does; a new one sends on where it does not."""
     with socket.create_server(("127.0.0.1", 0)) as listening:

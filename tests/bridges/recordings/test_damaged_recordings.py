@@ -138,19 +138,15 @@ def test_a_camera_that_looks_straight_down_by_tf_has_a_mount_or_none():
 
 def test_a_topic_of_two_kinds_is_refused(tmp_path):
     """What is read of its messages follows from the kind that the topic has."""
-    messages = [
-        ("/image", "sensor_msgs/msg/Image", 1, picture()),
-        ("/image", "std_msgs/msg/Float64", 2, {"data": 1.0}),
-    ]
+    messages = [("/image", "sensor_msgs/msg/Image", 1, picture()), ("/image", "std_msgs/msg/Float64", 2, {"data": 1.0})]
     with pytest.raises(CameraError, match=r"a\.mcap: /image is \S+ and \S+; a topic has one kind"):
         drain(RecordingCamera(str(bag(tmp_path / "a.mcap", messages))))
 
 
 @pytest.mark.parametrize("options", [{}, {"use_chunking": False}])
 def test_names_of_topics_that_a_terminal_would_act_on_are_refused(tmp_path, options):
-    path = bag(
-        tmp_path / "a.mcap", [("/imagexyz", "sensor_msgs/msg/Image", 1, picture())], enable_crcs=False, **options
-    )
+    messages = [("/imagexyz", "sensor_msgs/msg/Image", 1, picture())]
+    path = bag(tmp_path / "a.mcap", messages, enable_crcs=False, **options)
     path.write_bytes(path.read_bytes().replace(b"/imagexyz", b"/\x1b[2Jxyz\n"))
     with pytest.raises(CameraError, match="name does not print") as caught:
         RecordingCamera(str(path))

@@ -11,9 +11,9 @@ import pytest
 pytest.importorskip("rosbags")
 
 from rosbags.convert import convert
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from support.ros_bag import STORE, camera_info, compressed, image, imu, make, odometry, tf, transform, write_bag
+from support.ros_bag import camera_info, compressed, image, imu, make, odometry, tf, transform, write_bag
 
 from edgemap.bridges.ros2.recordings.foreign import read_wheel
 from edgemap.runtime.frames.camera import CameraOptions, next_frame
@@ -78,10 +78,8 @@ def test_every_container_of_a_bag_plays_alike(tmp_path, kind):
     stamps = [T0 + index * STEP for index in range(4)]
     messages = [("/tf_static", T0 - 1, MOUNT), ("/cam/camera_info", T0 - 1, camera_info(64, 48, K, [0.0] * 5))]
     for stamp in stamps:
-        messages += [
-            ("/cam/image_raw", stamp, image(stamp, BGR, "bgr8")),
-            ("/odom", stamp, odometry(stamp, 0.1, 0.0, 0.0)),
-        ]
+        messages.append(("/cam/image_raw", stamp, image(stamp, BGR, "bgr8")))
+        messages.append(("/odom", stamp, odometry(stamp, 0.1, 0.0, 0.0)))
     folder, spec = tmp_path / "bag", tmp_path / "bag"
     if kind == "ros1":
         spec, store = tmp_path / "bag.bag", get_typestore(Stores.ROS1_NOETIC)
@@ -95,15 +93,8 @@ def test_every_container_of_a_bag_plays_alike(tmp_path, kind):
             file.rename(folder / f"bag_{9 + part}.mcap")  # 9 comes before 10
         (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
     else:
-        plugin = StoragePlugin.MCAP if kind == "folder" else StoragePlugin.SQLITE3
-        with Writer(folder, version=9, storage_plugin=plugin) as writer:
-            connections = {}
-            for topic, stamp, message in messages:
-                name = message.__msgtype__
-                if topic not in connections:
-                    connections[topic] = writer.add_connection(topic, name, typestore=STORE)
-                writer.write(connections[topic], stamp, STORE.serialize_cdr(message, name))
-        spec = next(folder.glob("*.db3")) if kind == "db3" else folder
+        file = write_bag(folder, messages, StoragePlugin.MCAP if kind == "folder" else StoragePlugin.SQLITE3)
+        spec = file if kind == "db3" else folder
     frames, faults, info = played(spec)
     assert [round(frame.stamp_s * 1e9) // 10**6 for frame in frames] == [stamp // 10**6 for stamp in stamps]
     assert not faults
@@ -163,9 +154,8 @@ def test_one_bad_stamp_is_one_fault_and_a_clock_that_was_set_is_followed(tmp_pat
     with collected() as notes:
         wheels = read_wheel(str(path))
     assert len(wheels.poses) == used
-    assert [("1 of 30 samples dropped" in one.text, bool(re.search(fault, one.text))) for one in notes] == [
-        (used < 30, True)
-    ]
+    told = [("1 of 30 samples dropped" in one.text, bool(re.search(fault, one.text))) for one in notes]
+    assert told == [(used < 30, True)]
     assert wheels.stamps_s[-1] == pytest.approx(frames[-1].stamp_s, abs=0.11)
 
 
@@ -198,14 +188,11 @@ def test_one_picture_of_another_size_and_samples_that_are_none_are_counted(tmp_p
     assert "1 of 20 samples dropped" in faults[0].text
 
 
-@pytest.mark.parametrize(
-    ("sent", "text"),
-    [
-        (DEPTH[::2, ::2], "depth: 0 of 3 pictures usable: 32x24 px for pictures of 64x48 px"),
-        (DEPTH.astype(np.float32), "32FC1 is in millimetres"),
-        (DEPTH.astype(np.float32) / 1000, None),
-    ],
-)
+FLOATS, MILLIMETRES = DEPTH.astype(np.float32), "32FC1 is in millimetres"
+SMALL = "depth: 0 of 3 pictures usable: 32x24 px for pictures of 64x48 px"
+
+
+@pytest.mark.parametrize(("sent", "text"), [(DEPTH[::2, ::2], SMALL), (FLOATS, MILLIMETRES), (FLOATS / 1000, None)])
 def test_depth_that_cannot_be_used_is_a_fault_and_millimetres_are_found_out(tmp_path, sent, text):
     messages = []
     for stamp in (T0, T0 + STEP, T0 + 2 * STEP):

@@ -39,13 +39,9 @@ def test_lossless_gives_back_every_bit(tmp_path):
     frames = noise(30)
     with open_camera(str(record(tmp_path / "a.mcap", FACTS, frames, lossless=True))) as camera:
         assert isinstance(camera, Camera)
-        assert (camera.info.live, camera.info.size, camera.info.frame_count, camera.info.rate_hz) == (
-            False,
-            (64, 48),
-            30,
-            10.0,
-        )
-        assert (camera.info.intrinsics, camera.info.mount) == (LENS, MOUNT)
+        info = camera.info
+        assert (info.live, info.size, info.frame_count, info.rate_hz) == (False, (64, 48), 30, 10.0)
+        assert (info.intrinsics, info.mount) == (LENS, MOUNT)
         played = drain(camera)
         assert camera.read() is None
     assert [frame.index for frame in played] == list(range(30))
@@ -130,10 +126,8 @@ def test_given_lens_and_mount_go_first_and_another_size_is_refused(tmp_path):
     lens, mount = replace(LENS, fx=70.0), replace(MOUNT, height_m=1.0)
     with open_camera(path, CameraOptions(intrinsics=lens, mount=mount)) as camera:
         assert (camera.info.intrinsics, camera.info.mount) == (lens, mount)
-    with (
-        open_camera(path, CameraOptions(intrinsics=replace(LENS, width=32))) as camera,
-        pytest.raises(CameraError, match="picture is 64x48, the intrinsics are for 32x48"),
-    ):
+    options, told = CameraOptions(intrinsics=replace(LENS, width=32)), "picture is 64x48, the intrinsics are for 32x48"
+    with open_camera(path, options) as camera, pytest.raises(CameraError, match=told):
         camera.read()
 
 

@@ -107,16 +107,12 @@ def test_an_imu_that_tf_does_not_join_is_left_out_unless_it_was_asked_for(tmp_pa
 
 
 def test_rectified_pictures_have_no_distortion_and_a_height_over_base_link_is_no_mount(tmp_path):
-    messages = [
-        ("/tf_static", T0, tf(transform("base_link", "cam_optical", (0.2, 0.0, 0.5), (-102, 0, -90)))),
-        ("/cam/image_raw", T0, image(T0, BGR, "bgr8")),
-    ]
+    mounted = tf(transform("base_link", "cam_optical", (0.2, 0.0, 0.5), (-102, 0, -90)))
+    messages = [("/tf_static", T0, mounted), ("/cam/image_raw", T0, image(T0, BGR, "bgr8"))]
     with open_camera(str(write_bag(tmp_path / "bag", messages))) as camera:
         assert (camera.info.mount, camera.info.intrinsics) == (None, None)
-    messages = [
-        ("/cam/camera_info", T0, camera_info(64, 48, K, [0.1, 0.2, 0.001, 0.002, 0.3])),
-        ("/cam/image_rect", T0, image(T0, BGR, "bgr8")),
-    ]
+    lens = camera_info(64, 48, K, [0.1, 0.2, 0.001, 0.002, 0.3])
+    messages = [("/cam/camera_info", T0, lens), ("/cam/image_rect", T0, image(T0, BGR, "bgr8"))]
     with open_camera(str(write_bag(tmp_path / "rectified", messages))) as camera:
         assert camera.info.intrinsics == Intrinsics(64, 48, 58.0, 59.0, 31.0, 23.0)
 
@@ -170,10 +166,8 @@ def test_pictures_that_are_not_understood(tmp_path, message, complaint):
 
 
 def test_an_unknown_lens_is_refused_by_name_unless_another_is_given(tmp_path):
-    messages = [
-        ("/cam/camera_info", T0, camera_info(64, 48, K, [0.0] * 4, "double_sphere")),
-        ("/cam/image_raw", T0, image(T0, BGR, "bgr8")),
-    ]
+    lens = camera_info(64, 48, K, [0.0] * 4, "double_sphere")
+    messages = [("/cam/camera_info", T0, lens), ("/cam/image_raw", T0, image(T0, BGR, "bgr8"))]
     path = str(write_bag(tmp_path / "bag", messages))
     with pytest.raises(CameraError, match="'double_sphere' with 4 coefficients is not supported; pass --intr"):
         open_camera(path)

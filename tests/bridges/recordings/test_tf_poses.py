@@ -69,9 +69,8 @@ def with_paths(poses, messages, kind, every=50):
     for _, _, message in messages:
         for step in message.transforms:
             place, turn = step.transform.translation, step.transform.rotation
-            (joined if step.child_frame_id == "odom" else odom).append(
-                SE2(place.x, place.y, 2.0 * math.atan2(turn.z, turn.w))
-            )
+            poses_of = joined if step.child_frame_id == "odom" else odom
+            poses_of.append(SE2(place.x, place.y, 2.0 * math.atan2(turn.z, turn.w)))
         log.append(joined[-1] @ odom[-1])
     found = []
     for end in range(10, len(poses), 10):
@@ -80,13 +79,8 @@ def with_paths(poses, messages, kind, every=50):
         nodes = {"log": log[: end + 1 : 10], "lens": [node @ SE2(0.3, 0.0, 0.0) for node in nodes]}.get(kind, nodes)
         own = [T0 + i * STEP if kind != "rtabmap" else stamp_ns for i in range(0, end + 1, 10)]
         nodes = [pose(*node.vector()) for node in nodes]
-        found.append(
-            (
-                "/mapPath",
-                stamp_ns + 1,
-                path(stamp_ns, list(zip(own, nodes, strict=True)), "odom" if kind == "odom" else "map"),
-            )
-        )
+        message = path(stamp_ns, list(zip(own, nodes, strict=True)), "odom" if kind == "odom" else "map")
+        found.append(("/mapPath", stamp_ns + 1, message))
     return sorted([*messages, *found], key=lambda row: row[1])
 
 

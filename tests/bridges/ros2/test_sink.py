@@ -63,10 +63,9 @@ def test_what_nobody_reads_is_not_built(node, monkeypatch):
     built: list[str] = []
     monkeypatch.setattr(build, "detections_2d", lambda *_: built.append("boxes"))
     monkeypatch.setattr(build, "step_odometry", lambda *_: built.append("odometry"))
-    monkeypatch.setattr("edgemap.bridges.ros2.messages.stream.encoded", lambda *_: built.append("picture"))
-    monkeypatch.setattr(
-        "edgemap.bridges.ros2.messages.stream.markers", lambda *_: built.append("map") or {"markers": []}
-    )
+    stream = "edgemap.bridges.ros2.messages.stream"
+    monkeypatch.setattr(f"{stream}.encoded", lambda *_: built.append("picture"))
+    monkeypatch.setattr(f"{stream}.markers", lambda *_: built.append("map") or {"markers": []})
     sink = sink_of(node, "nobody", pictures=True)
     for result in results(noise(12), POSES):
         sink.write(result, [CHAIR])
@@ -77,10 +76,8 @@ def test_what_nobody_reads_is_not_built(node, monkeypatch):
 def test_namespace_and_frames_are_options(node):
     frames = FrameIds("world", "odom_vision", "base_footprint", "lens")
     sink = sink_of(node, "/fleet/robot7/", frames=frames)
-    tf, pose = (
-        node.subscription(*TF),
-        node.subscription("/fleet/robot7/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
-    )
+    tf = node.subscription(*TF)
+    pose = node.subscription("/fleet/robot7/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
     (result,) = results(noise(1), POSES[:1])
     sink.write(result, [CHAIR])
     assert set(links(taken(tf, 1)[0])) == {("world", "odom_vision"), ("odom_vision", "base_footprint")}
@@ -214,9 +211,8 @@ def test_a_cyclone_participant_with_its_defaults_reads_diagnostics_and_classes(t
     environment = {name: text for name, text in os.environ.items() if name != "CYCLONEDDS_URI"}
     environment |= {"ROS_DOMAIN_ID": str(DOMAIN + 100), "EDGEMAP_ROBOT": "vacuum"}
     command = [sys.executable, "-m", "edgemap.cli", "run", "--ros2", "--out", str(tmp_path / "run")]
-    with subprocess.Popen(
-        [sys.executable, "-c", READER, str(DOMAIN + 100)], stdout=subprocess.PIPE, text=True
-    ) as reader:
+    words = [sys.executable, "-c", READER, str(DOMAIN + 100)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as reader:
         run = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
         try:
             said, _ = reader.communicate(timeout=200.0)
@@ -225,10 +221,8 @@ def test_a_cyclone_participant_with_its_defaults_reads_diagnostics_and_classes(t
             run.terminate()
             _, printed = run.communicate(timeout=60.0)
     found = {kind: rows for kind, *rows in map(json.loads, said.splitlines())}
-    (labels, threshold), (statuses, _) = (
-        found["vision_msgs/msg/LabelInfo"],
-        found["diagnostic_msgs/msg/DiagnosticArray"],
-    )
+    labels, threshold = found["vision_msgs/msg/LabelInfo"]
+    statuses, _ = found["diagnostic_msgs/msg/DiagnosticArray"]
     assert [5, "chair"] in labels
     assert 0.0 < threshold < 1.0
     named = {name: (level, text, robot) for name, level, text, robot in statuses}
@@ -247,9 +241,7 @@ def test_diagnostics_name_each_kind_of_fault_and_warn_while_it_is_new():
     for now_s in (3.0, 8.0):
         message = diagnostics.message(5, CameraState.LOST, Verdict("unreliable"), now_s)
         named = {status["name"]: status for status in message["status"]}
-        levels.append(
-            [named[f"kitchen: {name}"]["level"] for name in ("camera", "map", "fault dark", "fault recovered")]
-        )
+        levels.append([named[f"kitchen: {one}"]["level"] for one in ("camera", "map", "fault dark", "fault recovered")])
         assert named["kitchen: fault dark"]["message"] == "b"
         assert named["kitchen: fault dark"]["values"] == [{"key": "count", "value": "2"}]
     assert levels == [[2, 2, 1, 0], [2, 2, 0, 0]]

@@ -117,9 +117,8 @@ def test_what_is_learnt_is_what_the_robot_runs(tmp_path, brief):
     assert manifest.measured["validation"] == {"ap50": 0.5}
     for field in ("licence", "sources", "confidence", "sure_confidence"):
         assert getattr(manifest, field) == getattr(shipped, field), field
-    assert manifest.detector == msgspec.structs.replace(
-        shipped.detector, floor=None
-    )  # that reads the detector of before
+    # The floor's head reads the detector of before.
+    assert manifest.detector == msgspec.structs.replace(shipped.detector, floor=None)
     image = np.random.default_rng(2).integers(0, 256, (416, 416, 3)).astype(np.uint8)
     tensor, _ = Preprocessor(manifest.detector.input)(image)
     found = load_bundle(folder).backbone.run({manifest.detector.input.name: tensor})

@@ -240,9 +240,8 @@ def test_the_blend_nearest_to_the_start_within_the_loss_is_chosen(start, drawn, 
 
 def seen(*rows):
     boxes = np.array([row[2:] for row in rows], np.float64).reshape(-1, 4)
-    return Detections(
-        boxes, np.array([row[1] for row in rows]), np.array([CLASSES.index(row[0]) for row in rows], np.int64), CLASSES
-    )
+    ids = np.array([CLASSES.index(row[0]) for row in rows], np.int64)
+    return Detections(boxes, np.array([row[1] for row in rows]), ids, CLASSES)
 
 
 def test_boxes_of_two_teachers_by_hand():

@@ -20,14 +20,11 @@ def leaky(x):
 def numpy_cell(weight, bias, x, h, c):
     """One ConvLSTM step on (C, H, W) arrays: correlation with zero borders, gates in the order i, f, o, g."""
     stacked = np.concatenate([x, h])
-    gates = np.stack(
-        [
-            sum(correlate(plane, kernel, mode="constant") for plane, kernel in zip(stacked, kernels, strict=True))
-            + shift
-            for kernels, shift in zip(weight, bias, strict=True)
-        ]
-    )
-    i, f, o, g = np.split(gates, 4)
+    gates = [
+        sum(correlate(plane, kernel, mode="constant") for plane, kernel in zip(stacked, kernels, strict=True))
+        for kernels in weight
+    ]
+    i, f, o, g = np.split(np.stack(gates) + bias[:, None, None], 4)
     c = sigmoid(f) * c + sigmoid(i) * leaky(g)
     return sigmoid(o) * leaky(c), c
 

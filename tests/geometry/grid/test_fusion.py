@@ -39,14 +39,7 @@ def settled(fusion, stamp_s, pose):
     """Its grid once a correction is drawn."""
     for _ in range(50):
         fusion.observe(pose, stamp_s, CAMERA, None, NOBODY, NOBODY)
-    return shown(fusion)
-
-
-def shown(fusion):
-    """Its grid; there is one."""
-    grid = fusion.grid()
-    assert grid is not None
-    return grid
+    return fusion.grid()
 
 
 def occupied_m(grid):
@@ -57,7 +50,7 @@ def occupied_m(grid):
 def test_floor_is_free_walls_and_a_chair_are_occupied_and_what_is_behind_them_is_unknown():
     fusion = GridFusion()
     drive(fusion, [*ROOM, CHAIR], turn())
-    grid = shown(fusion)
+    grid = fusion.grid()
     assert (grid.at([(1.0, 0.0), (1.5, 1.0), (1.5, -1.0), (0.0, 0.0), (-0.6, 0.5)]) == FREE).all()
     assert (grid.at([(3.2, 0.0), (2.9, 0.1), (5.0, 0.0), (0.0, 2.6), (2.3, 0.0)]) == UNKNOWN).all()
     assert np.abs(occupied_m(grid) - [2.0, 0.0]).sum(axis=1).min() < 0.06  # the chair's front
@@ -73,22 +66,22 @@ def test_what_looks_like_floor_in_a_detections_box_is_not_free_until_it_is_seen_
     box = np.array([[*(middle_px - 12.0), *(middle_px + 12.0)]])
     for index in range(12):
         fusion.observe(pose, 0.5 * index, CAMERA, mask, NOBODY, box)
-    assert shown(fusion).at([(1.0, 0.0)]) == UNKNOWN
-    assert (shown(fusion).at([(1.0, 0.3), (1.5, -0.6)]) == FREE).all()
+    assert fusion.grid().at([(1.0, 0.0)]) == UNKNOWN
+    assert (fusion.grid().at([(1.0, 0.3), (1.5, -0.6)]) == FREE).all()
     drive(fusion, ROOM, [pose] * 12, start_s=6.0, rate_hz=2.0)
-    assert shown(fusion).at([(1.0, 0.0)]) == FREE
+    assert fusion.grid().at([(1.0, 0.0)]) == FREE
 
 
 def test_a_chair_that_is_taken_away_leaves_no_ghost_within_seconds_even_of_a_robot_at_rest():
     fusion = GridFusion()
     stamp_s = drive(fusion, [*ROOM, CHAIR], [SE2(0.3, 0.0, 0.0)] * 600)  # a minute: as sure as it gets
-    front = occupied_m(shown(fusion))
+    front = occupied_m(fusion.grid())
     front = front[(np.abs(front[:, 1]) < 0.3) & (front[:, 0] < 2.6)]
     assert len(front) >= 8
     stamp_s = drive(fusion, ROOM, [SE2(0.3, 0.0, 0.0)] * 80, stamp_s)
-    assert (shown(fusion).at(front) == FREE).all()
+    assert (fusion.grid().at(front) == FREE).all()
     drive(fusion, [*ROOM, CHAIR], [SE2(0.3, 0.0, 0.0)] * 30, stamp_s)
-    assert (shown(fusion).at(front) == OCCUPIED).mean() > 0.8  # and it may come back
+    assert (fusion.grid().at(front) == OCCUPIED).mean() > 0.8  # and it may come back
 
 
 def test_people_make_no_obstacle_and_the_same_shape_without_their_box_does():
@@ -99,7 +92,7 @@ def test_people_make_no_obstacle_and_the_same_shape_without_their_box_does():
     for movers, obstacle in ((box, False), (NOBODY, True)):
         fusion = GridFusion()
         drive(fusion, [*ROOM, blob], [where] * 40, movers=movers)
-        near = np.abs(occupied_m(shown(fusion)) - [1.8, 0.0]).max(axis=1) < 0.25
+        near = np.abs(occupied_m(fusion.grid()) - [1.8, 0.0]).max(axis=1) < 0.25
         assert near.any() == obstacle
 
 
@@ -112,14 +105,14 @@ def test_depth_alone_fills_the_grid_and_knows_what_stands_on_floor_that_looks_th
         depth = SparseDepth.of(depth_picture([*ROOM, shoe, mat], pose))
         with_depth.observe(pose, index / 2, CAMERA, floor_mask(ROOM, pose), NOBODY, NOBODY, depth)
         by_mask.observe(pose, index / 2, CAMERA, floor_mask(ROOM, pose), NOBODY, NOBODY)
-    assert shown(by_mask).at([(1.65, 0.1)])[0] == FREE
-    at_shoe = shown(with_depth).at([(1.525, 0.1), (1.575, 0.1), (1.625, 0.1)])
+    assert by_mask.grid().at([(1.65, 0.1)])[0] == FREE
+    at_shoe = with_depth.grid().at([(1.525, 0.1), (1.575, 0.1), (1.625, 0.1)])
     assert (at_shoe == OCCUPIED).any()
-    assert (shown(with_depth).at([(1.15, -0.2), (1.5, -0.3)]) == FREE).all()  # a mat of 2 cm is floor
+    assert (with_depth.grid().at([(1.15, -0.2), (1.5, -0.3)]) == FREE).all()  # a mat of 2 cm is floor
     alone = GridFusion()
     for index, pose in enumerate(where):
         alone.observe(pose, index / 2, CAMERA, None, NOBODY, NOBODY, SparseDepth.of(depth_picture([*ROOM, shoe], pose)))
-    assert area_m2(shown(alone), FREE) > 2.0
+    assert area_m2(alone.grid(), FREE) > 2.0
 
 
 @pytest.mark.parametrize("rate_hz", [5.0, 30.0])
@@ -130,8 +123,8 @@ def test_evidence_counts_places_and_time_not_pictures(rate_hz):
         fusion = GridFusion()
         poses = [SE2(0.4 * k / rate, 0.0, 0.0) for k in range(int(2.5 * rate))]
         drive(fusion, [*ROOM, CHAIR], [*poses, *[poses[-1]] * int(5 * rate)], rate_hz=rate)
-        areas.append(area_m2(shown(fusion), FREE))
-        fronts.append(int((np.abs(occupied_m(shown(fusion)) - [2.0, 0.0]).max(axis=1) < 0.3).sum()))
+        areas.append(area_m2(fusion.grid(), FREE))
+        fronts.append(int((np.abs(occupied_m(fusion.grid()) - [2.0, 0.0]).max(axis=1) < 0.3).sum()))
     assert areas[1] == pytest.approx(areas[0], rel=0.1)
     assert min(fronts) >= 8
     assert fronts[1] == pytest.approx(fronts[0], rel=0.35)
@@ -158,12 +151,12 @@ def test_a_correction_moves_what_was_seen_with_the_poses_it_was_seen_from():
 def test_a_run_goes_on_in_a_saved_grid_and_sees_its_changes():
     first, second = GridFusion(), GridFusion()
     drive(first, [*ROOM, CHAIR], turn())
-    second.continue_from(shown(first))
+    second.continue_from(first.grid())
     start = settled(second, 0.0, SE2(-0.5, -1.5, 2.0))
     assert (start.at([(1.0, 0.0), (1.5, 1.0)]) == FREE).all()
     assert np.abs(occupied_m(start) - [2.0, 0.0]).max(axis=1).min() < 0.06
     drive(second, ROOM, [SE2(0.3, 0.0, 0.0)] * 120, 1.0)
-    assert (shown(second).at([(2.0, 0.0), (2.05, 0.1)]) == FREE).all()
+    assert (second.grid().at([(2.0, 0.0), (2.05, 0.1)]) == FREE).all()
 
 
 def test_a_run_that_finds_itself_lays_its_floor_into_the_saved_one():
@@ -174,11 +167,11 @@ def test_a_run_that_finds_itself_lays_its_floor_into_the_saved_one():
         mask = floor_mask([*ROOM, CHAIR], pose)
         own.observe(pose_map_start.inverse() @ pose, index / 10, CAMERA, mask, NOBODY, NOBODY)
     own.transform(pose_map_start)
-    own.continue_from(shown(saved))
+    own.continue_from(saved.grid())
     grid = settled(own, 6.0, SE2(0.5, 1.0, 0.0))
     outside = (np.abs(occupied_m(grid) - [1.5, 0.0]) > [2.71, 2.21]).any(axis=1)
     assert not outside.any()
-    assert area_m2(grid, FREE) > area_m2(shown(saved), FREE)
+    assert area_m2(grid, FREE) > area_m2(saved.grid(), FREE)
 
 
 def test_an_office_of_500_square_metres_takes_less_than_20_mb(tmp_path):

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.live_camera import Clock
 from support.made_camera import MadeCamera
-from support.noise import noise
-from support.pictures import write_pictures
+from support.pictures import noise, write_pictures
 from support.recordings import FACTS, drain, record
 
 from edgemap.cli.camera_options import open_described
@@ -46,20 +46,11 @@ def write_video(path, count=20, fps=10.0):
     return path
 
 
-def stamps_of(camera):
-    return [frame.stamp_s for frame in drain(camera)]
-
-
 def test_a_video_gives_every_frame_with_its_time(tmp_path):
     with open_camera(str(write_video(tmp_path / "v.mp4"))) as camera:
         assert isinstance(camera, Camera)
         info = camera.info
-        assert (info.size, info.rate_hz, info.frame_count, info.live) == (
-            (64, 48),
-            10.0,
-            20,
-            False,
-        )
+        assert (info.size, info.rate_hz, info.frame_count, info.live) == ((64, 48), 10.0, 20, False)
         frames = drain(camera)
     np.testing.assert_allclose([frame.image.mean() for frame in frames], 10 * np.arange(20), atol=4)
     np.testing.assert_allclose([frame.stamp_s for frame in frames], np.arange(20) / 10, atol=1e-3)
@@ -98,36 +89,26 @@ def test_a_folder_is_read_in_natural_order(tmp_path):
         assert camera.read() is None
 
 
-def write_own(folder, poses):
-    stamps = 100.0 + np.arange(poses) / 10
-    way = Trajectory(stamps, tuple(SE2(2.0 + 0.1 * i, 1.0, 0.0) for i in range(poses)))
-    write_drive(folder, LENS, MOUNT, 10.0, way)
-
-
 @pytest.mark.parametrize(("frames", "text"), [(15, "ends after 15 frames, 20 poses"), (25, "more frames than the 20")])
 def test_a_video_that_does_not_match_its_poses_is_an_error(tmp_path, frames, text):
-    write_own(tmp_path, 20)
+    way = Trajectory(100.0 + np.arange(20) / 10, tuple(SE2(2.0 + 0.1 * i, 1.0, 0.0) for i in range(20)))
+    write_drive(tmp_path, LENS, MOUNT, 10.0, way)
     write_video(tmp_path / "video.mp4", frames)
     with open_camera(f"drive:{tmp_path}") as camera, pytest.raises(CameraError, match=text):
-        stamps_of(camera)
+        drain(camera)
 
 
 def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path, monkeypatch):
     write_pictures(tmp_path / "p", 4)
-    now, waits = [50.0], []
-
-    def sleep(seconds):
-        waits.append(seconds)
-        now[0] += seconds
-
-    monkeypatch.setattr("time.sleep", sleep)
-    camera = PacedCamera(open_camera(str(tmp_path / "p")), clock_s=lambda: now[0])
+    clock = Clock()
+    monkeypatch.setattr("time.sleep", clock.wait)
+    camera = PacedCamera(open_camera(str(tmp_path / "p")), clock_s=clock)
     assert camera.read().stamp_s == 0.0
-    now[0] += 0.03  # the reader works
+    clock.now_s += 0.03  # the reader works
     assert camera.read().stamp_s == 0.1
-    now[0] += 0.25  # too slow for two frames
+    clock.now_s += 0.25  # too slow for two frames
     assert [camera.read().index, camera.read().index] == [2, 3]
-    assert waits == pytest.approx([0.07])
+    assert clock.waits == pytest.approx([0.07])
     assert camera.read() is None
 
 

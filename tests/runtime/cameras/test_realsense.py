@@ -85,13 +85,11 @@ def test_no_device_and_no_recording_are_one_line(tmp_path):
         assert f"{name}: not a RealSense recording" in refused(CameraError, open_camera, spec)
 
 
-@pytest.mark.parametrize(
-    ("complaint", "remedy"),
-    [
-        ("libusb-1.0.so.0: cannot open shared object file: No such file or directory", "apt install libusb-1.0-0"),
-        ("No module named 'pyrealsense2'", "[realsense]"),
-    ],
-)
+LACKS_USB = "libusb-1.0.so.0: cannot open shared object file: No such file or directory"
+LACKS_ALL = "No module named 'pyrealsense2'"
+
+
+@pytest.mark.parametrize(("complaint", "remedy"), [(LACKS_USB, "apt install libusb-1.0-0"), (LACKS_ALL, "[realsense]")])
 def test_a_missing_library_names_its_remedy(complaint, remedy):
     program = textwrap.dedent(f"""
         import sys

@@ -14,14 +14,8 @@ from support.waiting import wait_for
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import RecoveryRule
-from edgemap.runtime.frames.errors import (
-    CameraError,
-    CameraFault,
-    CameraLostError,
-    CameraState,
-    FaultKind,
-    FrameTimeout,
-)
+from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraLostError, CameraState, FrameTimeout
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.webcam import StreamDriver
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
@@ -41,8 +35,7 @@ def increasing(frames):
 
 
 def test_a_three_second_stall_is_told_and_recovers():
-    silent = dict.fromkeys(range(20, 50))  # 3 s at 10 Hz
-    camera, driver, _ = scripted(silent)
+    camera, driver, _ = scripted(dict.fromkeys(range(20, 50)))  # 3 s at 10 Hz
     faults = []
     frames = drain(camera, 40, faults)
     assert kinds(faults) == ["late", "recovered"]
@@ -203,8 +196,7 @@ def test_what_is_wrong_with_a_picture_is_named_and_stamps_go_on(script, expected
 
 
 def test_a_camera_that_stays_at_another_size_is_opened_again():
-    script = {n: (100.0 + n / 10, picture(n, (8, 4))) for n in range(10, 40)}
-    camera, driver, _ = scripted(script)
+    camera, driver, _ = scripted({n: (100.0 + n / 10, picture(n, (8, 4))) for n in range(10, 40)})
     faults = []
     drain(camera, 20, faults)
     assert kinds(faults) == ["size", "late", "recovered"]
@@ -299,8 +291,7 @@ def test_rtsp_delivers_the_pictures_that_were_served():
 def test_no_stream_is_one_line_without_the_password():
     with MjpegServer() as server:
         port = server.port
-    with pytest.raises(
-        CameraError, match=rf"^http://\*\*\*@127\.0\.0\.1:{port}/x: no stream that FFmpeg reads"
-    ) as caught:
+    told = rf"^http://\*\*\*@127\.0\.0\.1:{port}/x: no stream that FFmpeg reads"
+    with pytest.raises(CameraError, match=told) as caught:
         open_camera(f"http://user:secret@127.0.0.1:{port}/x")
     assert "secret" not in str(caught.value)

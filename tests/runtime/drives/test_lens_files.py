@@ -97,7 +97,9 @@ roi:
 ---
 """
 )
+TRANSPOSED = np.reshape(MATRIX, (3, 3)).T.ravel().tolist()
 K4, SIX = (-0.01, 0.02, -0.003, 0.0004), {"image_width": 640, "image_height": 480}
+ROWS = f"{PLAIN}K: [[430.2, 0, 306.7], [0, 430.5, 227.2], [0, 0, 1]]\ndist_coeff: [{[*K4]}]\n"
 
 
 @pytest.mark.parametrize(
@@ -117,12 +119,7 @@ K4, SIX = (-0.01, 0.02, -0.003, 0.0004), {"image_width": 640, "image_height": 48
         ("transforms.json", json.dumps(NERF | {"is_fisheye": True}), "equidistant", (-0.01, 0.02, 0.0, 0.0)),
         ("transforms.json", json.dumps(NERF | {"p1": -0.003, "p2": 0.0004}), "brown_conrady", None),
         ("echo.yaml", ECHO.format(matrix=MATRIX, binning=0), "brown_conrady", (*K4, 0.0)),
-        (
-            "rows.yaml",
-            f"{PLAIN}K: [[430.2, 0, 306.7], [0, 430.5, 227.2], [0, 0, 1]]\ndist_coeff: [{[*K4]}]\n",
-            "brown_conrady",
-            None,
-        ),
+        ("rows.yaml", ROWS, "brown_conrady", None),
         ("calib.yml", lambda path: opencv(path, [*K4, 0.0], **SIX), "brown_conrady", (*K4, 0.0)),
         ("fish.yml", lambda path: opencv(path, K4, fisheye_model=1, **SIX), "equidistant", K4),
         ("wide.yml", lambda path: opencv(path, [0.1] * 8, **SIX), "rational", (0.1,) * 8),
@@ -153,11 +150,7 @@ def test_lenses_of_other_programs(tmp_path, name, content, model, coefficients):
         ("transforms.json", json.dumps(NERF | {"frames": [{"w": 1}, {"w": 2}]}), "several lenses"),
         ("transforms.json", "{", "not JSON"),
         ("echo.yaml", ECHO.format(matrix=MATRIX, binning=2), "binned"),
-        (
-            "echo.yaml",
-            ECHO.format(matrix=np.reshape(MATRIX, (3, 3)).T.ravel().tolist(), binning=0),
-            "expected fx, 0, cx",
-        ),
+        ("echo.yaml", ECHO.format(matrix=TRANSPOSED, binning=0), "expected fx, 0, cx"),
         ("plain.yaml", f"{PLAIN}K: {MATRIX}\n", "lacks the distortion"),
         ("cameras.txt", COLMAP + "1 PINHOLE 1e9 480 1 1 3 3\n", "size"),
         ("calib.yml", lambda path: opencv(path, K4), "add image_width: 640"),
@@ -214,14 +207,10 @@ def test_a_depth_camera_of_its_own_is_read_back(tmp_path):
         assert found.intrinsics == Intrinsics(512, 424, 365.0, 366.0, 256.0, 212.0)
         assert found.position_m == pytest.approx([-0.05, 0.0, 0.01])
         assert found.rotation @ [1.0, 0.0, 0.0] == pytest.approx([half, half, 0.0])
-
-
-def test_without_a_pose_the_depth_camera_is_where_the_lens_is(tmp_path):
-    path = tmp_path / "camera.yaml"
-    path.write_text(TEXT[:-1] + ", depth: {width: 320, height: 240, fx: 293.5, fy: 293.5, cx: 159.5, cy: 119.5}}")
-    depth = read_camera_yaml(path).depth
-    assert (depth.rotation == np.eye(3)).all()
-    assert not depth.position_m.any()
+    path.write_text(f"{TEXT[:-1]}, {DEPTH}}}}}")  # without a pose it is where the lens is
+    found = read_camera_yaml(path).depth
+    assert (found.rotation == np.eye(3)).all()
+    assert not found.position_m.any()
 
 
 @pytest.mark.parametrize(

@@ -45,9 +45,8 @@ def test_kitti_without_a_camera_file_and_with_a_cars_mount_and_times(tmp_path):
     drive = open_drive(spec)
     assert (drive.intrinsics, drive.mount) == (None, None)
     np.testing.assert_allclose(drive.stamps_s, [0.0, 0.1, 0.2])
-    (tmp_path / "k" / "camera.yaml").write_text(
-        "{width: 8, height: 6, fx: 5.0, fy: 5.0, cx: 3.5, cy: 2.5, mount: {height_m: 1.65, pitch_deg: 0.0}}"
-    )
+    lens = "width: 8, height: 6, fx: 5.0, fy: 5.0, cx: 3.5, cy: 2.5"
+    (tmp_path / "k" / "camera.yaml").write_text(f"{{{lens}, mount: {{height_m: 1.65, pitch_deg: 0.0}}}}")
     (tmp_path / "k" / "times.txt").write_text("0.0\n1.04e-01\n2.07e-01\n")
     drive = open_drive(spec)
     assert drive.mount == Mount(1.65, platform=Platform.CAR)

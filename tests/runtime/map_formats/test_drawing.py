@@ -1,5 +1,5 @@
 """The map from above as SVG and PNG, everything within the sheet; marks that every eye tells apart; what a notebook
-shows of results and maps, and detections of another package."""
+shows of results and maps, boxes whose plates cover nothing, and detections of another package."""
 
 import json
 import math
@@ -28,6 +28,8 @@ from edgemap.runtime.outputs.map_formats.drawing import TITLE_PX, DrawnMap, _ell
 from edgemap.runtime.outputs.map_formats.shapes import PNG_SCALE, Raster, Shape, Text, bgr, picture_of, place_labels
 from edgemap.runtime.outputs.map_objects import MapObjects
 from edgemap.runtime.outputs.sightings_file import SeenRecord
+from edgemap.runtime.step import overlay
+from edgemap.runtime.step.overlay import draw_detections
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -222,15 +224,11 @@ def test_a_map_is_a_drawing_that_stands_alone_over_a_table():
     (chair,) = [item for item in objects if item.label == "chair"]
     at = cells.index(chair.id)
     assert cells[at + 1 : at + 3] == [f"{value:.2f} m" for value in chair.position_m]
-
-
-def test_an_empty_map_shows_too():
     assert "map of 0 objects" in MapObjects()._repr_html_()
 
 
-FOUND = Detections(
-    np.array([[1.0, 2, 30, 40], [5, 6, 70, 80]]), np.array([0.75, 0.5]), np.array([2, 0]), ("bed", "cat", "chair")
-)
+BOXES = np.array([[1.0, 2, 30, 40], [5, 6, 70, 80]])
+FOUND = Detections(BOXES, np.array([0.75, 0.5]), np.array([2, 0]), ("bed", "cat", "chair"))
 
 
 def test_detections_go_to_supervision():
@@ -240,3 +238,24 @@ def test_detections_go_to_supervision():
     assert isinstance(theirs, supervision.Detections)
     assert theirs.area.tolist() == [29 * 38, 65 * 74]
     assert list(theirs.data["class_name"]) == ["chair", "bed"]
+
+
+def overlap(a, b):
+    return min(a[2], b[2]) - max(a[0], b[0]) > 1 and min(a[3], b[3]) - max(a[1], b[1]) > 1
+
+
+def test_plates_of_boxes_that_share_a_corner_stay_apart(monkeypatch):
+    """Three boxes with one corner; the texts' plates are what is filled."""
+    plates, real = [], cv2.rectangle
+
+    def watched(picture, first, last, colour, thickness, *more):
+        if thickness == -1:
+            plates.append((*first, *last))
+        return real(picture, first, last, colour, thickness, *more)
+
+    monkeypatch.setattr(overlay.cv2, "rectangle", watched)
+    boxes = np.array([[100.0, 100, 200, 200], [100, 100, 220, 240], [105, 102, 300, 180]])
+    found = Detections(boxes, np.full(3, 0.9), np.arange(3), ("chair", "bed", "tv"))
+    draw_detections(np.zeros((480, 640, 3), np.uint8), found, [])
+    assert len(plates) == 3
+    assert not [pair for pair in combinations(plates, 2) if overlap(*pair)]

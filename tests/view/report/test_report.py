@@ -30,10 +30,8 @@ from edgemap.view.report.sink import ReportFile
 
 FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 SCENERY = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
-ROWS = [
-    EvaluationRow("found", "chair", "chair-1", (5.0, -0.9), 0.25, True, ((4, -1), (6, -1), (6, 0))),
-    EvaluationRow("missed", "bed", None, (1.0, 2.0)),
-]
+FOUND = EvaluationRow("found", "chair", "chair-1", (5.0, -0.9), 0.25, True, ((4, -1), (6, -1), (6, 0)))
+ROWS = [FOUND, EvaluationRow("missed", "bed", None, (1.0, 2.0))]
 PHONE = {"width": 390, "height": 844}
 
 
@@ -182,7 +180,6 @@ def test_hostile_names_are_text_in_a_browser_even_without_the_policy(bundle, tmp
     assert report.failure == ""
     text = (tmp_path / "r" / "report.html").read_text()
     policy = re.search(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">', text)
-    assert policy
     assert policy[1].startswith("default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-")
     bare = tmp_path / "bare.html"
     bare.write_text(text.replace(policy[0], ""))
