@@ -33,8 +33,8 @@ class ForkedCommands:
     def __init__(self) -> None:
         command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
         paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-        pipes, env = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}, {**os.environ, "PYTHONPATH": paths}
-        self._server = subprocess.Popen(command, **pipes, text=True, env=env)
+        pipe, env = subprocess.PIPE, {**os.environ, "PYTHONPATH": paths}
+        self._server = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=env)
 
     def __call__(self, *arguments, cwd=None, env=None) -> subprocess.CompletedProcess[str]:
         """Runs it to its end; standard input is empty."""
