@@ -62,7 +62,7 @@ def command(
     asked = any(option is not None for option in (label, near, inside, since))
     for path in (saved_map(one) for one in maps):
         objects, annotations = load_annotated_map(path)
-        answers = _asked(objects, label, near, inside, since)
+        answers = answers_to(objects, label, near, inside, since)
         if history:
             shown = [item for item, _ in answers] + ([] if asked else list(annotations.vanished))
             _print_history(shown, json)
@@ -86,7 +86,7 @@ Areas = tuple[tuple["Room", ...], tuple["Door", ...]]
 Answers = list[tuple["MapObject", "float | None"]]
 
 
-def _asked(
+def answers_to(
     objects: "list[MapObject]", label: str | None, near: str | None, inside: str | None, since_s: float | None
 ) -> Answers:
     """The objects asked for, with their distance in metres where a point is given. Raises UsageError."""

@@ -72,7 +72,7 @@ REFUSED = [
     (f"{RUN} --threads 65", 2, "at most 64"),
     (f"{RUN} --rate 0", 2, "--rate 0"),
     (f"{RUN} --rate nan", 2, "--rate nan"),
-    (f"{RUN} --confidence 2", 2, "2.0"),
+    (f"{RUN} --confidence 2", 2, "--confidence 2:"),
     (f"{RUN} --confidence nan", 2, "nan"),
     (f"{RUN} --odometry magic", 2, "'magic'"),
     (f"{RUN} --odometry planar", 2, "'planar'"),
