@@ -662,6 +662,14 @@ class KeyframeWindow:
         host[host > index] -= 1
 
 
+def heading_slope(pose: LensPose) -> Array:
+    """Derivative of a lens's heading by a rotation of it in world axes, (3,): where it looks down or up, a tilt turns
+    its heading too."""
+    x, y, z = pose.rotation[:, 2].tolist()
+    across = x**2 + y**2
+    return np.array([-x * z / across, -y * z / across, 1.0])
+
+
 def _held(factors: FactorRows, last: LensPose, pose: LensPose) -> tuple[Array, Array]:
     """One picture's factors as a prior of its pose, the one before being known."""
     rotation, position = np.array([last.rotation, pose.rotation]), np.array([last.position_m, pose.position_m])

@@ -9,7 +9,7 @@ import pytest
 from edgemap.geometry.camera.inertial import small_rotation
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule, _without
+from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule, _without, heading_slope
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors
 
@@ -309,3 +309,18 @@ def test_factors_are_the_derivatives_of_their_residuals():
         delta[column] = 1e-6
         slope = (residuals(delta) - residuals(-delta)) / 2e-6
         np.testing.assert_allclose(-slope, by[:, column], atol=2e-2 * np.abs(by).max(axis=1).max())
+
+
+@pytest.mark.parametrize("pitch_deg", [-30.0, 0.0, 25.0])
+def test_a_tilt_of_a_lens_that_looks_down_turns_its_heading(pitch_deg):
+    mount, turn = Mount.from_degrees(1.0, pitch_deg, 4.0), small_rotation(0.0, 0.0, 0.7)
+    pose, window = (
+        LensPose(turn @ mount.rotation_base_optical(), np.zeros(3)),
+        KeyframeWindow(WindowRule(), FOCAL_PX, mount, 20.0),
+    )
+    by_difference = [
+        (window.base(replace(pose, rotation=small_rotation(*step) @ pose.rotation)).yaw_rad - window.base(pose).yaw_rad)
+        / 1e-6
+        for step in 1e-6 * np.eye(3)
+    ]
+    np.testing.assert_allclose(heading_slope(pose), by_difference, atol=1e-5)

@@ -13,7 +13,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
-from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule, rows_of
+from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule, heading_slope, rows_of
 from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.rolling import Rolling
@@ -215,8 +215,9 @@ class WindowOdometry:
         covariance = self._covariance()
         by = np.zeros((3, 12))
         level = self._base.rotation().T
-        by[:2, 3:5], by[:2, 9:11], by[2, 2], by[2, 8] = -level, level, -1.0, 1.0
-        by[0, 2], by[1, 2] = motion.y_m, -motion.x_m
+        before, now = map(heading_slope, self._graph.poses[-2:])
+        by[:2, 3:5], by[:2, 9:11], by[2, :3], by[2, 6:9] = -level, level, -before, now
+        by[0, :3], by[1, :3] = motion.y_m * before, -motion.x_m * before
         return Motion(motion, by @ covariance @ by.T + LEAST_SIGMA**2 * np.eye(3) + self._since_covariance)
 
     def _covariance(self) -> Array:
