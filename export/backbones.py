@@ -1,5 +1,6 @@
 """Backbones ready to be bundled: a Darknet network or an adopted ONNX file, its contract and its reference."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from edgemap.runtime.network.network import Compute, Tensors
 DARKNET = {"yolov3": yolov3, "yolov3-tiny": yolov3_tiny}
 ADOPTED = ("yolox-nano", "picodet-s")
 BACKBONES = (*DARKNET, *ADOPTED)
-NOT_KNOWN = KnownModel("", "", (), "not stated", ())
+NOT_KNOWN = KnownModel("", "", (), "not stated")
 DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5
 
 
@@ -77,18 +78,11 @@ def darknet_backbone(
     about["float32_values"] = value_count(network)
     detector = _darknet_detector(network, feature)
     names = list(dict.fromkeys(spec.name for spec in (*detector.heads, *detector.features)))
-    network.eval()
-
-    def reference(picture: NDArray[np.float32]) -> Tensors:
-        with torch.no_grad():
-            tensors = network(torch.from_numpy(picture) / 255.0)
-        return {name: tensor.numpy() for name, tensor in zip(names, tensors, strict=True)}
-
     return Backbone(
         name=name,
         model=backbone_to_onnx(network, detector),
         detector=detector,
-        reference=reference,
+        reference=_in_torch(network, names, 255.0),
         exact=False,
         measured={"weights": about},
         licence=KNOWN.get(backbone, NOT_KNOWN).licence,
@@ -101,18 +95,12 @@ def trained_backbone(name: str, feature: str | None) -> Backbone:
     model, manifest = load_detector(name)
     detector = tapped(model, manifest.detector, Path(name), feature)
     graph = Graph(model)
-
-    def reference(picture: NDArray[np.float32]) -> Tensors:
-        with torch.no_grad():
-            tensors = graph(torch.from_numpy(picture))
-        return {name: tensor.numpy() for name, tensor in zip(graph.outputs, tensors, strict=True)}
-
     parameters = sum(parameter.numel() for parameter in graph.parameters())
     return Backbone(
         name=manifest.name,
         model=model,
         detector=detector,
-        reference=reference,
+        reference=_in_torch(graph, graph.outputs),
         exact=False,
         measured=manifest.measured | {"weights": {"parameters": parameters}},
         licence=manifest.licence,
@@ -122,15 +110,27 @@ def trained_backbone(name: str, feature: str | None) -> Backbone:
     )
 
 
+def _in_torch(network: torch.nn.Module, names: Sequence[str], divisor: float = 1.0) -> parity.Reference:
+    """A torch network's outputs by name, of pictures over `divisor`."""
+    network.eval()
+
+    def reference(picture: NDArray[np.float32]) -> Tensors:
+        with torch.no_grad():
+            tensors = network(torch.from_numpy(picture) / divisor)
+        return {name: tensor.numpy() for name, tensor in zip(names, tensors, strict=True)}
+
+    return reference
+
+
 def _darknet_network(backbone: str, size: tuple[int, int] | None) -> tuple[Darknet, str]:
     if backbone in DARKNET:
-        network = Darknet.from_cfg(DARKNET[backbone](), size)
+        network = Darknet(DARKNET[backbone](), size)
         network.name = backbone
         return network, backbone
     path = Path(backbone)
     if path.suffix != ".cfg" and not path.is_file():
         raise ExportError(f"backbone {backbone!r} is not one of {', '.join(BACKBONES)}, nor a .cfg or .onnx file")
-    return Darknet.from_cfg(path, size), path.stem
+    return Darknet(path, size), path.stem
 
 
 def _darknet_detector(network: Darknet, feature: str | None) -> DetectorSpec:
@@ -184,15 +184,11 @@ def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, s
     exact = detector.decode != "dfl"
     source = path if exact else with_outputs(path, [head.name for head in detector.heads])
     original = open_onnxruntime(source, Compute(2, spin=True))
-
-    def reference(picture: NDArray[np.float32]) -> Tensors:
-        return original.run({detector.input.name: picture})
-
     return Backbone(
         name=name,
         model=model,
         detector=detector,
-        reference=reference,
+        reference=lambda picture: original.run({detector.input.name: picture}),
         exact=exact,
         measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},
         licence=entry.licence,

@@ -3,7 +3,6 @@
 import math
 from pathlib import Path
 
-import torch
 from torch import Tensor, nn
 
 from edgemap.export import darknet_layers as layers
@@ -19,15 +18,16 @@ WIDEST_NECK = 512  # channels; the paper's other feature matrix is 13x13x512 (se
 
 
 class Darknet(nn.Module):
-    """A network read from a cfg.
+    """A network of a cfg file (Path) or text. size: (width, height) in px instead of the cfg's. Raises ExportError.
 
     Takes (1, 3, height, width) float32 RGB in 0..1; gives the outputs of `outputs` (layer indices), by default the raw
     logits (1, A*(5+C), H, W) of every yolo head, coarsest first. shapes: (C, H, W) after each layer. letterbox: whether
     pictures keep their aspect; else they are stretched.
     """
 
-    def __init__(self, sections: list[Section], size: tuple[int, int] | None = None) -> None:
+    def __init__(self, cfg: Path | str, size: tuple[int, int] | None = None) -> None:
         super().__init__()
+        sections = read_cfg(cfg) if isinstance(cfg, Path) else parse_cfg(cfg)
         net = sections[0]
         self.name = net.file
         self.channels = net.integer("channels", 3, least=1)
@@ -51,11 +51,6 @@ class Darknet(nn.Module):
             raise ExportError(f"{self.name}: [yolo] layers differ in classes ({[h.classes for h in self.heads]})")
         self.heads.sort(key=lambda head: head.shape[1])
         self.outputs = tuple(head.layer for head in self.heads)
-
-    @classmethod
-    def from_cfg(cls, cfg: Path | str, size: tuple[int, int] | None = None) -> "Darknet":
-        """From a cfg file (Path) or text. size: (width, height) in px instead of the cfg's. Raises ExportError."""
-        return cls(read_cfg(cfg) if isinstance(cfg, Path) else parse_cfg(cfg), size)
 
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
         """(1, 3, height, width) in 0..1 to the tensors of `outputs`."""
@@ -184,22 +179,6 @@ class Darknet(nn.Module):
             raise ExportError(f"{section.where} anchors={section.text('anchors')}: sides must be positive")
         self.heads.append(Yolo(index - 1, classes, anchors, section.number("scale_x_y", 1.0), shape))
         return layers.Layer([index - 1]), shape
-
-
-def fold_batch_norm(network: Darknet) -> None:
-    """Fold every batch normalisation into its convolution, in place and in float64."""
-    with torch.no_grad():
-        for layer in network.convolutions():
-            norm = layer.norm
-            if norm is None:
-                continue
-            assert norm.running_var is not None
-            assert norm.running_mean is not None
-            factor = norm.weight.double() / torch.sqrt(norm.running_var.double() + norm.eps)
-            bias = norm.bias.double() - norm.running_mean.double() * factor
-            layer.conv.weight.copy_(layer.conv.weight.double() * factor[:, None, None, None])
-            layer.conv.bias = nn.Parameter(bias.float())
-            layer.norm = None
 
 
 def _letterboxes(sections: list[Section]) -> bool:

@@ -1,6 +1,6 @@
 """From a backbone's name, cfg or ONNX file to a bundle, written beside its place, proven by the runtime, then moved."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -20,10 +20,10 @@ from edgemap.export.floor.merge import with_floor
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
-from edgemap.export.quantise import CalibrationPictures, add_int8, read_calibration
+from edgemap.export.quantise import add_int8, read_calibration
 from edgemap.export.torch_files import kind_of
-from edgemap.runtime.network.bundle import Bundle, load_bundle
-from edgemap.runtime.network.manifest import Manifest, OdometryHead, Parity, StateSpec
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.manifest import Manifest, OdometryHead, StateSpec
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.store import BUNDLE_NAME, check_place, staged
@@ -50,8 +50,9 @@ def export_backbone(
     yolox-nano its .onnx) file; without one a known name's is fetched. heads: checkpoints of trained heads; without any,
     an untrained paper head on `feature`, where that is given. size: (width, height) in px of a Darknet input.
     random_seed: random weights instead of a file, for timing. sources: where the weights came from, for the manifest.
-    calibrate: a folder of pictures, for an int8 variant. Raises ExportError or another EdgemapError; then nothing is
-    left at `out`.
+    calibrate: a folder of pictures, for an int8 variant. The bundle is built under another name, loaded by the runtime,
+    run against its source, and renamed into place. Raises ExportError or another EdgemapError; then nothing is left,
+    and an older bundle at `out` stays.
     """
     check_place(out)
     calibration = None if calibrate is None else read_calibration(calibrate)
@@ -90,10 +91,20 @@ def export_backbone(
         sources=part.sources,
     )
 
-    def proof(bundle: Bundle) -> dict[str, Parity]:
-        return parity.prove(bundle, part.reference, checkpoint and checkpoint.head, part.exact)
-
-    return write_bundle(out, manifest, models, proof, calibration)
+    with staged(out) as stage:
+        for name, model in models.items():
+            save_model(model, stage / name)
+        sums = {name: sha256_file(stage / name) for name in models}
+        manifest = msgspec.structs.replace(manifest, sha256=sums)
+        write_manifest(stage, manifest)
+        proof = parity.prove(load_bundle(stage), part.reference, checkpoint and checkpoint.head, part.exact)
+        write_manifest(stage, msgspec.structs.replace(manifest, parity=proof))
+        if calibration is not None:
+            add_int8(stage, calibration)
+        proven = load_bundle(stage)
+        for kind in proven.manifest.odometry:
+            proven.odometry_head(kind)
+    return out
 
 
 def _loaded(heads: Sequence[Path], feature: str | None) -> tuple[FloorCheckpoint | None, HeadCheckpoint | None]:
@@ -183,35 +194,3 @@ def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
         sigma_left_m=left,
         sigma_yaw_rad=yaw,
     )
-
-
-Proof = Callable[[Bundle], dict[str, Parity]]
-
-
-def write_bundle(
-    out: Path,
-    manifest: Manifest,
-    models: dict[str, ModelProto],
-    proof: Proof,
-    calibration: CalibrationPictures | None = None,
-) -> Path:
-    """Write models and manifest to the folder `out`; the manifest's sums and parity are filled in here.
-
-    The bundle is built under another name, loaded by the runtime, run against its source by `proof`, given an int8
-    variant where there are pictures for its calibration, and renamed into place. Raises ExportError or BundleError;
-    then nothing is left and an older bundle at `out` stays.
-    """
-    with staged(out) as stage:
-        for name, model in models.items():
-            save_model(model, stage / name)
-        sums = {name: sha256_file(stage / name) for name in models}
-        manifest = msgspec.structs.replace(manifest, sha256=sums)
-        write_manifest(stage, manifest)
-        parity = proof(load_bundle(stage))
-        write_manifest(stage, msgspec.structs.replace(manifest, parity=parity))
-        if calibration is not None:
-            add_int8(stage, calibration)
-        proven = load_bundle(stage)
-        for kind in proven.manifest.odometry:
-            proven.odometry_head(kind)
-    return out

@@ -12,8 +12,9 @@ import onnx
 import torch
 from onnx import ModelProto, numpy_helper
 from torch import Tensor, nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from edgemap.export.darknet import Darknet, fold_batch_norm
+from edgemap.export.darknet import Darknet
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.paper import LARGE, PaperHead, eight_bits
 from edgemap.runtime.frames.errors import BundleError
@@ -33,7 +34,9 @@ def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
     The outputs are named by the detector's heads and features in `network.outputs` order. `network` is not changed.
     """
     folded = copy.deepcopy(network).eval()
-    fold_batch_norm(folded)
+    for layer in folded.convolutions():
+        if layer.norm is not None:
+            layer.conv, layer.norm = fuse_conv_bn_eval(layer.conv.double(), layer.norm.double()).float(), None
     _fold_input_scale(folded, 1.0 / 255.0)
     names = [spec.name for spec in (*detector.heads, *detector.features)]
     example = torch.zeros(1, network.channels, network.height, network.width)
