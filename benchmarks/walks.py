@@ -15,6 +15,7 @@ import tyro
 
 from edgemap.benchmarks.map_variants import replayed, true_objects
 from edgemap.evaluation.objects import score_map
+from edgemap.evaluation.odometry import mean
 from edgemap.evaluation.trajectory import (
     attitude_figures,
     integrated,
@@ -119,11 +120,11 @@ def walk_errors(
     path length divided by the true one, and NEES per degree of freedom over windows of time (1 is consistent)."""
     true, found = [truth.at(stamp_s) for stamp_s in stamps_s], integrated(steps)
     segments = {length: segment_errors(true, found, length, step=1) / length for length in LENGTHS_M}
-    figures = {f"t_rel_{length:g}": _mean(100.0 * errors[:, 0]) for length, errors in segments.items()}
-    figures[f"r_rel_{LENGTHS_M[-1]:g}"] = _mean(np.degrees(segments[LENGTHS_M[-1]][:, 1]))
+    figures = {f"t_rel_{length:g}": mean(100.0 * errors[:, 0]) for length, errors in segments.items()}
+    figures[f"r_rel_{LENGTHS_M[-1]:g}"] = mean(np.degrees(segments[LENGTHS_M[-1]][:, 1]))
     figures["scale"] = float(path_m(found)[-1] / max(path_m(true)[-1], 1e-9))
     windows = window_errors(true, found, covariances, np.array(stamps_s), WINDOWS_S)
-    figures |= {f"nees_{length:g}": _mean(errors / 3.0) for length, errors in windows.items()}
+    figures |= {f"nees_{length:g}": mean(errors / 3.0) for length, errors in windows.items()}
     last = motion_errors([true[0].inverse() @ true[-1]], [found[-1]])[0]
     return figures | {"end_m": float(np.hypot(last[0], last[1])), "end_deg": abs(degrees(last[2]))}
 
@@ -135,7 +136,7 @@ def summary(
     largest. Null figures are left out."""
     known = {key: [row[key] for row in rows if row[key] is not None] for key in names}
     values = {key: np.array(found, dtype=float) for key, found in known.items()}
-    means = {key: _mean(found) for key, found in values.items()}
+    means = {key: mean(found) for key, found in values.items()}
     worst = {key: _worst(key, found) for key, found in values.items()}
     return {"mean": means, "worst": worst}
 
@@ -155,10 +156,6 @@ def _worst(key: str, values: np.ndarray) -> float | None:
     if key == "scale":
         return float(values[np.abs(np.log(values)).argmax()])
     return float(values.min() if key in LOW_IS_WORSE else values.max())
-
-
-def _mean(values: np.ndarray) -> float | None:
-    return float(values.mean()) if len(values) else None
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from onnx import ModelProto
 
 from edgemap.export import parity
-from edgemap.export.adopt import adopt, class_entries, tapped, with_outputs
+from edgemap.export.adopt import adopt, class_entries, load_onnx, only_outputs, static_tensors, tapped
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_cfg import yolov3, yolov3_tiny
 from edgemap.export.darknet_weights import load_weights, random_weights, value_count
@@ -182,7 +182,10 @@ def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, s
         path, sources = obtain(entry)
     model, detector = adopt(path, feature)
     exact = detector.decode != "dfl"
-    source = path if exact else with_outputs(path, [head.name for head in detector.heads])
+    source: Path | bytes = path
+    if not exact:
+        tensors = static_tensors(whole := load_onnx(path))
+        source = only_outputs(whole, [tensors[head.name] for head in detector.heads]).SerializeToString()
     original = open_onnxruntime(source, Compute(2, spin=True))
     return Backbone(
         name=name,

@@ -11,11 +11,10 @@ from onnx import ModelProto
 
 from edgemap import __version__
 from edgemap.export import parity
-from edgemap.export.adopt import Tensor4, static_tensors
+from edgemap.export.adopt import only_outputs, static_tensors
 from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone, trained_backbone
 from edgemap.export.errors import ExportError
 from edgemap.export.floor.checkpoint import FloorCheckpoint, load_floor
-from edgemap.export.floor.features import tapped_network
 from edgemap.export.floor.merge import with_floor
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.odometry.paper import random_head
@@ -23,9 +22,10 @@ from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
 from edgemap.export.quantise import add_int8, read_calibration
 from edgemap.export.torch_files import kind_of
 from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest import Manifest, OdometryHead, StateSpec
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
-from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.network.network import Compute, Tensors
 from edgemap.runtime.network.store import BUNDLE_NAME, check_place, staged
 
 OWN = "edgemap-nano", "edgemap-pico"  # detectors that were trained here and come with the package
@@ -57,11 +57,9 @@ def export_backbone(
     check_place(out)
     calibration = None if calibrate is None else read_calibration(calibrate)
     floor, checkpoint = _loaded(heads, feature)
-    trained_here = is_trained(backbone)
-    adopted = is_onnx(backbone)
-    if (adopted or trained_here) and (size is not None or random_seed is not None):
+    if (is_onnx(backbone) or is_trained(backbone)) and (size is not None or random_seed is not None):
         raise ExportError(f"{backbone}: --size and --random-weights are for Darknet backbones, this file is fixed")
-    if weights is not None and (random_seed is not None or trained_here or backbone.endswith(".onnx")):
+    if weights is not None and (random_seed is not None or is_trained(backbone) or backbone.endswith(".onnx")):
         raise ExportError(f"--weights {weights}: {backbone} takes no weights file here")
     feature = checkpoint.feature if checkpoint else feature
     part = open_backbone(backbone, weights, feature, size, random_seed, sources)
@@ -149,7 +147,11 @@ def is_onnx(backbone: str) -> bool:
 
 def _join(part: Backbone, floor: FloorCheckpoint) -> None:
     """Give a backbone the output of a floor head. Raises ExportError where it reads another network's features."""
-    source, before = tapped_network(part.model, _tensors(part, floor.taps)), part.reference
+    tensors, before = static_tensors(part.model), part.reference
+    if missing := [name for name in floor.taps if name not in tensors]:
+        raise ExportError(f"floor head: {part.name} has no tensor {', '.join(missing)}; it is of another network")
+    tapped = only_outputs(part.model, [tensors[name] for name in floor.taps])
+    source = open_onnxruntime(tapped.SerializeToString(), Compute())
     part.model, part.detector = with_floor(part.model, part.detector, floor.head, floor.taps)
     spec = part.detector.floor
     assert spec is not None
@@ -163,13 +165,6 @@ def _join(part: Backbone, floor: FloorCheckpoint) -> None:
         return before(picture) | {spec.name: logits.sigmoid().numpy()}
 
     part.reference = reference
-
-
-def _tensors(part: Backbone, names: Sequence[str]) -> list[Tensor4]:
-    tensors = {tensor.name: tensor for tensor in static_tensors(part.model)}
-    if missing := [name for name in names if name not in tensors]:
-        raise ExportError(f"floor head: {part.name} has no tensor {', '.join(missing)}; it is of another network")
-    return [tensors[name] for name in names]
 
 
 def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:

@@ -4,7 +4,7 @@ import copy
 import logging
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -131,7 +131,7 @@ def add_int8(folder: Path, calibration: CalibrationPictures) -> None:
     manifest = read_manifest(folder)
     detector = manifest.detector
     source = onnx.load(verified_file(folder, manifest, detector.file))
-    model = quantised(source, detector, _tensors(detector, calibration.shown))
+    model = quantised(source, detector, calibration.shown)
     save_model(seal(model, msgspec.structs.replace(detector, file=FILE)), folder / FILE)
     manifest.sha256[FILE] = sha256_file(folder / FILE)
     variant = manifest.variants["int8"] = BundleVariant(file=FILE)
@@ -140,7 +140,7 @@ def add_int8(folder: Path, calibration: CalibrationPictures) -> None:
     write_manifest(folder, manifest)
 
 
-def quantised(source: ModelProto, detector: DetectorSpec, tensors: Iterable[Tensors]) -> ModelProto:
+def quantised(source: ModelProto, detector: DetectorSpec, pictures: Iterable[Path]) -> ModelProto:
     """Quantises the convolutions of a model to 8 bits: symmetric weights per channel, unsigned activations.
 
     The range of an activation is the mean of its minimum and of its maximum over the pictures. Weights have 8 bits.
@@ -163,7 +163,7 @@ def quantised(source: ModelProto, detector: DetectorSpec, tensors: Iterable[Tens
             quantize_static(
                 model,
                 path,
-                _Reader(tensors),
+                _Reader(detector, pictures),
                 quant_format=QuantFormat.QDQ,
                 per_channel=True,
                 activation_type=QuantType.QUInt8,
@@ -212,18 +212,12 @@ def _leading_to(tensors: set[str], makers: dict[str, NodeProto], until: str | No
     return found
 
 
-def _tensors(detector: DetectorSpec, pictures: Iterable[Path]) -> Iterator[Tensors]:
-    preprocess = Preprocessor(detector.input)
-    for path in pictures:
-        tensor, _ = preprocess(read_picture(path))
-        yield {detector.input.name: tensor.copy()}
-
-
 class _Reader(CalibrationDataReader):
-    """Provides calibration tensors to onnxruntime, one by one."""
+    """Provides calibration pictures to onnxruntime, one by one."""
 
-    def __init__(self, tensors: Iterable[Tensors]) -> None:
-        self._tensors = iter(tensors)
+    def __init__(self, detector: DetectorSpec, pictures: Iterable[Path]) -> None:
+        name, preprocess = detector.input.name, Preprocessor(detector.input)
+        self._tensors = ({name: preprocess(read_picture(path))[0].copy()} for path in pictures)
 
     def get_next(self) -> Tensors | None:  # type: ignore[override]
         return next(self._tensors, None)

@@ -26,18 +26,18 @@ COMMON_SHARE = 0.3  # of pictures: a class seen in fewer is shown more often
 class Batches(Dataset[tuple[Tensor, Targets]]):
     """Batches of one epoch in an order drawn from (seed, epoch): the same again after a resume, from any batch on.
 
-    mosaic_share: of pictures made of four. size: side of the square input, px; a batch is of that size or down to three
+    mosaic: share of pictures made of four. size: side of the square input, px; a batch is of that size or down to three
     quarters of it, for variety and a fifth less work. mix: share of pictures of each source, whatever it holds; empty
     for every picture once. rank, ranks: this process takes every ranks-th batch of the epoch, from `rank` on. workers:
     processes that prepare pictures; a thread would block the network through Python's global lock.
     """
 
     def __init__(
-        self, examples: Sequence[Example], size: int, batch: int, seed: int, mosaic_share: float,
+        self, examples: Sequence[Example], size: int, batch: int, seed: int, mosaic: float,
         mix: Sequence[float] = (), rank: int = 0, ranks: int = 1, workers: int = 2,
     ) -> None:  # fmt: skip
         self._examples, self._size, self._batch = examples, size, batch
-        self._seed, self._mosaic, self._mix = seed, mosaic_share, tuple(mix)
+        self._seed, self.mosaic, self._mix = seed, mosaic, tuple(mix)
         self._rank, self._ranks, self._workers = rank, ranks, workers
         sources = np.array([example.source for example in examples])
         often = rarity(examples)
@@ -88,7 +88,7 @@ class Batches(Dataset[tuple[Tensor, Targets]]):
     def _one(self, epoch: int, position: int, order: np.ndarray, size: int) -> Example:
         generator = np.random.default_rng([self._seed, epoch, position])
         example = self._examples[order[position % len(order)]]
-        if generator.random() < self._mosaic:
+        if generator.random() < self.mosaic:
             rows, chances = self._parts[example.source], self._chances[example.source]
             others = rows[np.searchsorted(chances, generator.random(3) * chances[-1], side="right")]
             made = mosaic([example, *(self._examples[at] for at in others)], size, generator)
