@@ -115,8 +115,8 @@ def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any]
     for index, (image, truth) in enumerate(labelled_pictures(drive, frames)):
         if index not in chosen:
             continue
-        size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
-        pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, detector(image), number))
+        found = detector(image)
+        pictures.append(ScoredPicture.compare(truth.boxes, truth.labels, truth.ignorable(), found, number))
     counted = counts_by_class(pictures)
     by_class = {name: counted.get(number[name], Counts()) for name in sorted(bundle.mapped)}
     counts = {"chair": by_class.get("chair", Counts()), "mapped": sum(by_class.values(), Counts())}

@@ -43,10 +43,10 @@ class Backbone:
     model: ModelProto
     detector: DetectorSpec
     reference: parity.Reference
-    exact: bool
     measured: dict[str, Any]
     licence: str
     sources: tuple[str, ...]
+    exact: bool = False
     confidence: float = 0.3
     sure_confidence: float = 0.0
 
@@ -83,7 +83,6 @@ def darknet_backbone(
         model=backbone_to_onnx(network, detector),
         detector=detector,
         reference=_in_torch(network, names, 255.0),
-        exact=False,
         measured={"weights": about},
         licence=KNOWN.get(backbone, NOT_KNOWN).licence,
         sources=sources or (f"{about['file']} sha256 {about['sha256']}",),
@@ -101,7 +100,6 @@ def trained_backbone(name: str, feature: str | None) -> Backbone:
         model=model,
         detector=detector,
         reference=_in_torch(graph, graph.outputs),
-        exact=False,
         measured=manifest.measured | {"weights": {"parameters": parameters}},
         licence=manifest.licence,
         sources=manifest.sources,

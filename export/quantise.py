@@ -74,8 +74,7 @@ def int8_report(exact: Bundle, small: Bundle, calibration: CalibrationPictures) 
     differences: dict[str, list[tuple[float, float, float]]] = {name: [] for name in exact.backbone.outputs}
     tensors = {}
     for path, truth in calibration.judged:
-        image = read_picture(path)
-        tensor, placement = preprocess(image)
+        tensor, placement = preprocess(read_picture(path))
         tensors = {spec.input.name: tensor}
         outputs = {"float32": exact.backbone.run(tensors), "int8": small.backbone.run(tensors)}
         for name, values in differences.items():
@@ -83,10 +82,10 @@ def int8_report(exact: Bundle, small: Bundle, calibration: CalibrationPictures) 
             gap = np.abs(outputs["int8"][name] - true)
             values.append((gap.max(), gap.mean(), np.abs(true).mean()))
         if truth is not None:
-            size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
+            ignored = truth.ignorable()
             for precision, pictures in scored.items():
                 found = decode(outputs[precision], placement)
-                pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, found, numbers))
+                pictures.append(ScoredPicture.compare(truth.boxes, truth.labels, ignored, found, numbers))
     report: dict[str, Any] = {
         "data": calibration.folder.name,
         "pictures_shown": len(calibration.shown),
