@@ -1,7 +1,6 @@
 """Static int8 quantisation of the backbone with onnxruntime: calibration pictures, quantisation, and evaluation."""
 
 import copy
-import logging
 import tempfile
 import time
 from collections.abc import Iterable
@@ -18,7 +17,7 @@ from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, Q
 from edgemap.evaluation.detection import ScoredPicture, average_precision
 from edgemap.export.detector.store import evenly
 from edgemap.export.detector.validate import CONFIDENCE, NMS_IOU
-from edgemap.export.onnx_export import IR_VERSION, default_opset, save_model, seal
+from edgemap.export.onnx_export import IR_VERSION, default_opset, quiet, save_model, seal
 from edgemap.runtime.inputs.drives.drive import LabelledBoxes
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures, read_picture
 from edgemap.runtime.inputs.drives.yolo import read_yolo
@@ -154,26 +153,21 @@ def quantised(source: ModelProto, detector: DetectorSpec, pictures: Iterable[Pat
     features = [value for value in model.graph.output if value.name not in heads]
     for value in features:  # outputs that feed 8-bit layers would be rounded; inner tensors are not
         model.graph.output.remove(value)
-    before = logging.root.manager.disable
-    logging.disable(logging.WARNING)  # it recommends a preprocessing that was already done
-    try:
-        with tempfile.TemporaryDirectory() as name:
-            path = Path(name) / FILE
-            quantize_static(
-                model,
-                path,
-                _Reader(detector, pictures),
-                quant_format=QuantFormat.QDQ,
-                per_channel=True,
-                activation_type=QuantType.QUInt8,
-                weight_type=QuantType.QInt8,
-                nodes_to_exclude=float_nodes(model, detector),
-                calibrate_method=CalibrationMethod.MinMax,
-                extra_options={"CalibMovingAverage": True},
-            )
-            small = onnx.load(path)
-    finally:
-        logging.disable(before)
+    with quiet(), tempfile.TemporaryDirectory() as name:  # it recommends a preprocessing that was already done
+        path = Path(name) / FILE
+        quantize_static(
+            model,
+            path,
+            _Reader(detector, pictures),
+            quant_format=QuantFormat.QDQ,
+            per_channel=True,
+            activation_type=QuantType.QUInt8,
+            weight_type=QuantType.QInt8,
+            nodes_to_exclude=float_nodes(model, detector),
+            calibrate_method=CalibrationMethod.MinMax,
+            extra_options={"CalibMovingAverage": True},
+        )
+        small = onnx.load(path)
     small.graph.output.extend(features)
     small.ir_version = IR_VERSION
     return small
