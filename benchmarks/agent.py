@@ -10,10 +10,9 @@ import asyncio
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import dist
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import tyro
@@ -27,26 +26,17 @@ Question = tuple[str, dict[str, Any], list[tuple[float, float]]]  # tool, argume
 CELL_M = 0.1  # in which rooms are compared
 
 
-@dataclass(frozen=True)
-class AgentOptions:
-    """homes: drives. questions: of all homes together."""
-
-    homes: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    bundle: str = "edgemap-nano"
-    questions: int = 100
-
-
-def main(options: AgentOptions) -> None:
-    """Map, ask, score, print."""
-    total, share = Counter[str](), -(-options.questions // len(options.homes))
-    for number, home in enumerate(options.homes):
-        found = asyncio.run(asked(home, options, min(share, options.questions - number * share)))
+def main(homes: tyro.conf.Positional[tuple[Path, ...]], bundle: str = "edgemap-nano", questions: int = 100) -> None:
+    """Map, ask, score, print. homes: drives. questions: of all homes together."""
+    total, share = Counter[str](), -(-questions // len(homes))
+    for number, home in enumerate(homes):
+        found = asyncio.run(asked(home, bundle, min(share, questions - number * share)))
         print(f"{home.name}: {dict(found)}", flush=True)
         total += found
-    print(f"all {options.questions}: {dict(total)}")
+    print(f"all {questions}: {dict(total)}")
 
 
-async def asked(home: Path, options: AgentOptions, count: int) -> Counter[str]:
+async def asked(home: Path, bundle: str, count: int) -> Counter[str]:
     """The answers to that many questions about one home."""
     from mcp import Client
 
@@ -62,7 +52,7 @@ async def asked(home: Path, options: AgentOptions, count: int) -> Counter[str]:
     from edgemap.runtime.step.slam import SlamOptions
 
     drive = open_drive(f"drive:{home}")
-    slam = replayed(drive, load_bundle(bundle_folder(options.bundle)), {"own": SlamOptions()})["own"]
+    slam = replayed(drive, load_bundle(bundle_folder(bundle)), {"own": SlamOptions()})["own"]
     truth, answers = scored(true_objects(drive)), Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
         grid, plan = slam.mapper.grid.grid(), read_floor_plan(home)
@@ -122,4 +112,4 @@ def room_verdict(rows: list[dict[str, Any] | None], at: tuple[float, float], tru
 
 
 if __name__ == "__main__":
-    main(tyro.cli(AgentOptions, description=__doc__))
+    tyro.cli(main, description=__doc__)

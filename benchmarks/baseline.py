@@ -6,14 +6,13 @@ covariances, loop closure, forgetting.
 """
 
 import csv
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 import tyro
 
-from edgemap.benchmarks.score import ScoreOptions, homes_of
+from edgemap.benchmarks.score import homes_of
 from edgemap.benchmarks.score import main as print_score
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
@@ -25,41 +24,35 @@ from edgemap.runtime.network.store import bundle_folder
 NEAREST_M, SEEN, FARTHEST_M = 1.0, 5, 6.0  # as one object; sightings of one that counts; reach of a ray
 
 
-@dataclass(frozen=True)
-class BaselineOptions:
-    """homes: a drive with pictures, camera.yaml and wheel.csv or poses.tum, or a folder of them. out: folder of CSVs,
-    as the scorer takes them. seeds, frames, json: as of the scorer."""
-
-    homes: tyro.conf.Positional[Path]
-    out: tyro.conf.Positional[Path]
-    poses: Literal["wheels", "truth"] = "wheels"
-    bundle: str = "edgemap-nano"
-    seeds: str = ""
-    frames: int = 600
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-
-
-def main(options: BaselineOptions) -> None:
-    """Map each home, and score them."""
-    homes, bundle = homes_of(options.homes, options.seeds), load_bundle(bundle_folder(options.bundle))
-    options.out.mkdir(parents=True, exist_ok=True)
-    for home in homes:
-        if not (options.out / f"{home.name}.csv").exists():
-            write_map(home, options.out / f"{home.name}.csv", bundle, options)
-    maps = options.out if len(homes) > 1 else options.out / f"{homes[0].name}.csv"
-    print_score(ScoreOptions(maps, options.homes, options.seeds, options.frames, options.json))
+def main(
+    homes: tyro.conf.Positional[Path],
+    out: tyro.conf.Positional[Path],
+    poses: Literal["wheels", "truth"] = "wheels",
+    bundle: str = "edgemap-nano",
+    seeds: str = "",
+    frames: int = 600,
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+) -> None:
+    """Map each home, and score them. homes: a drive with pictures, camera.yaml and wheel.csv or poses.tum, or a folder
+    of them. out: folder of CSVs, as the scorer takes them. seeds, frames, json: as of the scorer."""
+    found, loaded = homes_of(homes, seeds), load_bundle(bundle_folder(bundle))
+    out.mkdir(parents=True, exist_ok=True)
+    for home in found:
+        if not (out / f"{home.name}.csv").exists():
+            write_map(home, out / f"{home.name}.csv", loaded, poses == "wheels", frames)
+    print_score(out if len(found) > 1 else out / f"{found[0].name}.csv", homes, seeds, frames, json)
 
 
-def write_map(home: Path, out: Path, bundle: Bundle, options: BaselineOptions) -> None:
+def write_map(home: Path, out: Path, bundle: Bundle, wheels: bool, frames: int) -> None:
     """The map of one home."""
     drive = open_drive(f"drive:{home}")
     camera, detect = drive_camera(drive, str(home)), Detector(bundle)
     lens, mount = camera.info.intrinsics, camera.info.mount
-    poses = drive.wheel.from_start() if options.poses == "wheels" and drive.wheel is not None else drive.truth
+    poses = drive.wheel.from_start() if wheels and drive.wheel is not None else drive.truth
     if lens is None or mount is None or poses is None:
         raise SystemExit(f"{home}: the baseline needs lens, mount and poses")
     floor, objects = FloorCamera(lens, mount), list[tuple[str, list[np.ndarray]]]()
-    while (frame := camera.read()) is not None and frame.index < options.frames:
+    while (frame := camera.read()) is not None and frame.index < frames:
         found, pose = detect(frame.image), poses.at(frame.stamp_s)
         feet = np.column_stack([(found.boxes[:, 0] + found.boxes[:, 2]) / 2.0, found.boxes[:, 3]])
         for label, score, point in zip(found.labels, found.scores, floor.floor_points(feet), strict=True):
@@ -80,4 +73,4 @@ def write_map(home: Path, out: Path, bundle: Bundle, options: BaselineOptions) -
 
 
 if __name__ == "__main__":
-    main(tyro.cli(BaselineOptions, prog="python -m edgemap.benchmarks.baseline", description=__doc__))
+    tyro.cli(main, prog="python -m edgemap.benchmarks.baseline", description=__doc__)

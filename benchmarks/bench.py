@@ -7,6 +7,8 @@ robot, whose picture is decoded as a USB camera's.
 import resource
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from itertools import islice
 from typing import Any
 
 import cv2
@@ -37,18 +39,12 @@ def drive_chunks(open_drive: OpenDrive) -> Iterator[tuple[SemanticSlam, list[Fra
         camera, slam = open_drive()
         count = 0
         with camera:
-            while chunk := _decoded(camera):
+            frames = iter(partial(next_frame, camera, lambda _: None), None)
+            while chunk := list(islice(frames, CHUNK)):
                 count += len(chunk)
                 yield slam, chunk
         if count < 2:
             raise CameraError(f"bench needs two frames or more, {camera.info.name} gave {count}")
-
-
-def _decoded(camera: Camera) -> list[Frame]:
-    frames = []
-    while len(frames) < CHUNK and (frame := next_frame(camera, lambda _: None)) is not None:
-        frames.append(frame)
-    return frames
 
 
 def measure(

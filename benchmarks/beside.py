@@ -27,10 +27,8 @@ def package_of(root: Path, folder: Path) -> Path:
     """A folder for PYTHONPATH with the package `edgemap` of a tree, by links."""
     package = folder / "edgemap"
     package.mkdir(parents=True)
-    for room in (path for path in root.iterdir() if path.is_dir()):
-        (package / room.name).symlink_to(room)
-    for module in (root / "api").glob("*.py"):
-        (package / module.name).symlink_to(module)
+    for part in (*filter(Path.is_dir, root.iterdir()), *(root / "api").glob("*.py")):
+        (package / part.name).symlink_to(part)
     return folder
 
 

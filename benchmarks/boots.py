@@ -8,14 +8,13 @@ the first or last boot of which the answer speaks, or at one between that found 
 an object that the map does not state is unknown, and so is a place that it does not state to 0.5 m (95 %).
 """
 
-import json
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from json import dumps, loads
 from math import dist, radians
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import tyro
@@ -30,32 +29,16 @@ LATE_S = 60.0  # after its start at which a boot has ended
 Truth = dict[str, tuple[str, tuple[float, float]]]  # label and place by piece, in the first drive's frame
 
 
-@dataclass(frozen=True)
-class BootsOptions:
-    """homes: folders of drives 0 to 4."""
-
-    homes: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    bundle: str = "edgemap-nano"
-    json: bool = False
-
-
-def main(options: BootsOptions) -> None:
-    """Drive, ask, score, print."""
+def main(homes: tyro.conf.Positional[tuple[Path, ...]], bundle: str = "edgemap-nano", json: bool = False) -> None:
+    """Drive, ask, score, print. homes: folders of drives 0 to 4."""
     rows = {}
-    for home in options.homes:
-        rows[home.name] = boots(home, options)
-        if not options.json:
-            print(f"{home.name}: {line(rows[home.name])}", flush=True)
+    for home in homes:
+        row = rows[home.name] = boots(home, bundle)
+        if not json:
+            about = f"{row['answers']}; boots that found their place: {row['found']}"
+            print("\n  ".join([f"{home.name}: {about}", *row["wrong"]]), flush=True)
     total: Counter[str] = sum((Counter(row["answers"]) for row in rows.values()), Counter())
-    if options.json:
-        print(json.dumps({"homes": rows, "total": total}, indent=1))
-    else:
-        print(f"all: {dict(total)}")
-
-
-def line(row: dict[str, Any]) -> str:
-    """The answers of one home, and each wrong one."""
-    return "\n  ".join([f"{row['answers']}; boots that found their place: {row['found']}", *row["wrong"]])
+    print(dumps({"homes": rows, "total": total}, indent=1) if json else f"all: {dict(total)}")
 
 
 def clock(boot: int) -> Callable[[float], ClockReading]:
@@ -74,7 +57,7 @@ def clock(boot: int) -> Callable[[float], ClockReading]:
     return read
 
 
-def boots(home: Path, options: BootsOptions) -> dict[str, Any]:
+def boots(home: Path, bundle: str) -> dict[str, Any]:
     """Scores of one home."""
     answers: Counter[str] = Counter()
     wrong, found, known = list[str](), list[int](), dict[str, str]()
@@ -83,7 +66,7 @@ def boots(home: Path, options: BootsOptions) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "home"
         for boot, drive in enumerate(drives):
-            if drive_once(drive, place, boot, options):
+            if drive_once(drive, place, boot, bundle):
                 found.append(boot)
             objects, gone = load(place)
             for piece, identity in list(known.items()):
@@ -96,7 +79,7 @@ def boots(home: Path, options: BootsOptions) -> dict[str, Any]:
     return {"answers": answers, "wrong": wrong, "found": found, "pieces": len(known)}
 
 
-def drive_once(drive: Path, place: Path, boot: int, options: BootsOptions) -> bool:
+def drive_once(drive: Path, place: Path, boot: int, bundle: str) -> bool:
     """One boot; whether it found its place in the map."""
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.compose import RunSpec, compose
@@ -110,8 +93,7 @@ def drive_once(drive: Path, place: Path, boot: int, options: BootsOptions) -> bo
         lens, mount = camera.info.intrinsics, camera.info.mount
         if lens is None or mount is None:
             raise SystemExit(f"{drive}: no intrinsics or no mount")
-        bundle = load_bundle(bundle_folder(options.bundle))
-        slam = compose(camera, bundle, FloorCamera(lens, mount), RunSpec(map=place))
+        slam = compose(camera, load_bundle(bundle_folder(bundle)), FloorCamera(lens, mount), RunSpec(map=place))
         slam.clock = clock(boot)
         sink = LivingMap(place, lambda: slam.mapper.searching)
         for _ in steps(camera, slam, [sink]):
@@ -123,8 +105,8 @@ def drive_once(drive: Path, place: Path, boot: int, options: BootsOptions) -> bo
 def truth_of(drive: Path) -> Truth:
     """The pieces of a drive's home, in the first drive's frame, of which moved.json has this one's start."""
     path = drive / "moved.json"
-    x_m, y_m, yaw_deg = json.loads(path.read_text())["start"] if path.is_file() else (0.0, 0.0, 0.0)
-    pose, records = SE2(x_m, y_m, radians(yaw_deg)), json.loads((drive / "objects.json").read_text())["objects"]
+    x_m, y_m, yaw_deg = loads(path.read_text())["start"] if path.is_file() else (0.0, 0.0, 0.0)
+    pose, records = SE2(x_m, y_m, radians(yaw_deg)), loads((drive / "objects.json").read_text())["objects"]
     places = {str(one["id"]): (one["label"], pose.apply(np.array([one["x_m"], one["y_m"]]))) for one in records}
     return {piece: (label, (float(at[0]), float(at[1]))) for piece, (label, at) in places.items()}
 
@@ -192,4 +174,4 @@ def boot_at(at: float, count: int) -> int | None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(BootsOptions, description=__doc__))
+    tyro.cli(main, description=__doc__)

@@ -7,7 +7,7 @@ DIR/paper_tables.json every figure, DIR/ways/ the ways over the true ones (the p
 
 import json
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,35 +36,31 @@ ODOMETRIES = {
 }
 
 
-@dataclass(frozen=True)
-class TableOptions:
-    """seeds: A:B, homes from A up to, not including, B. data: drives that exist, instead. frames: first N of each."""
-
-    seeds: str | None = None
-    data: tuple[str, ...] = ()
-    bundle: str = "edgemap-nano"
-    frames: int = 450
-    threads: int | None = None
-    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/paper-tables")
-
-
-def main(options: TableOptions) -> None:
-    """Render where needed, measure, and write page and figures."""
+def main(
+    seeds: str | None = None,
+    data: tuple[str, ...] = (),
+    bundle: str = "edgemap-nano",
+    frames: int = 450,
+    threads: int | None = None,
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/paper-tables"),
+) -> None:
+    """Render where needed, measure, and write page and figures. seeds: A:B, homes from A up to, not including, B. data:
+    drives that exist, instead. frames: first N of each."""
     try:
-        bundle = load_bundle(bundle_folder(options.bundle), options.threads, pace="files")
-        specs = [f"drive:{DEMO}" if spec == "demo" else spec for spec in options.data] or [
-            f"drive:{home}" for home in rendered(options.seeds or "", options.frames, options.out / "drives")
+        loaded = load_bundle(bundle_folder(bundle), threads, pace="files")
+        specs = [f"drive:{DEMO}" if spec == "demo" else spec for spec in data] or [
+            f"drive:{home}" for home in rendered(seeds or "", frames, out / "drives")
         ]
         names = [
             name if spec != f"drive:{DEMO}" else "demo" for name, spec in zip(sequence_names(specs), specs, strict=True)
         ]
-        document = measure(dict(zip(names, specs, strict=True)), bundle, options.frames, options.out)
-        options.out.mkdir(parents=True, exist_ok=True)
-        (options.out / "paper_tables.json").write_text(json.dumps(document, indent=1) + "\n")
-        (options.out / "paper_tables.md").write_text(page(document))
+        document = measure(dict(zip(names, specs, strict=True)), loaded, frames, out)
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "paper_tables.json").write_text(json.dumps(document, indent=1) + "\n")
+        (out / "paper_tables.md").write_text(page(document))
     except EdgemapError as error:
         sys.exit(f"paper_tables: {error}")
-    print(options.out / "paper_tables.md")
+    print(out / "paper_tables.md")
 
 
 def measure(specs: dict[str, str], bundle: Bundle, frames: int | None, out: Path) -> dict[str, Any]:
@@ -119,8 +115,8 @@ def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any]
     for index, (image, truth) in enumerate(labelled_pictures(drive, frames)):
         if index not in chosen:
             continue
-        size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
-        pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, detector(image), number))
+        found = detector(image)
+        pictures.append(ScoredPicture.compare(truth.boxes, truth.labels, truth.ignorable(), found, number))
     counted = counts_by_class(pictures)
     by_class = {name: counted.get(number[name], Counts()) for name in sorted(bundle.mapped)}
     counts = {"chair": by_class.get("chair", Counts()), "mapped": sum(by_class.values(), Counts())}
@@ -146,4 +142,4 @@ def _ways(scored: dict[str, dict[str, ScoredDrive]], folder: Path) -> dict[str, 
 
 
 if __name__ == "__main__":
-    main(tyro.cli(TableOptions, description=__doc__))
+    tyro.cli(main, description=__doc__)

@@ -7,11 +7,10 @@ homes that decide nothing, 9290-9299 with 600 pictures, and refuses any whose tr
 """
 
 import hashlib
-import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from json import dumps, loads
 from math import degrees
 from pathlib import Path
 from statistics import fmean, median
@@ -44,53 +43,47 @@ FROZEN_SEEDS, FROZEN_FRAMES = "9290:9300", 600
 SUMS = Path(__file__).with_name("frozen.json")
 
 
-@dataclass(frozen=True)
-class RoomsOptions:
-    """data: drive folders that exist, or folders of them; then nothing is rendered. seeds: A:B, homes from A up to, not
-    including, B. out: where rendered drives go. only: names of variants, all by
-    default."""
-
-    data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR...")] = ()
-    seeds: str = "9100:9110"
-    frames: int = 450
-    frozen: bool = False
-    bundle: str = "edgemap-nano"
-    odometry: str = "hybrid"
-    only: tuple[str, ...] = ()
-    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/rooms")
-    json: bool = False
-
-
-def main(options: RoomsOptions) -> None:
-    """Render where needed, map, score, and print one table."""
+def main(
+    data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR...")] = (),
+    seeds: str = "9100:9110",
+    frames: int = 450,
+    frozen: bool = False,
+    bundle: str = "edgemap-nano",
+    odometry: str = "hybrid",
+    only: tuple[str, ...] = (),
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/rooms"),
+    json: bool = False,
+) -> None:
+    """Render where needed, map, score, and print one table. data: drive folders that exist, or folders of them; then
+    nothing is rendered. seeds: A:B, homes from A up to, not including, B. out: where rendered drives go. only: names of
+    variants, all by default."""
     from edgemap.runtime.network.open_bundle import open_bundle
     from edgemap.runtime.network.store import RENDERED, bundle_folder
     from edgemap.runtime.step.slam import SlamOptions
 
-    if options.frozen:
-        options = replace(options, seeds=FROZEN_SEEDS, frames=FROZEN_FRAMES)
-    if unknown := sorted(set(options.only) - set(VARIANTS)):
+    if frozen:
+        seeds, frames = FROZEN_SEEDS, FROZEN_FRAMES
+    if unknown := sorted(set(only) - set(VARIANTS)):
         sys.exit(f"--only {', '.join(unknown)}: expected some of {', '.join(VARIANTS)}")
-    chosen = {name: rule for name, rule in VARIANTS.items() if name in (options.only or VARIANTS)}
     variants = {
-        name: SlamOptions(odometry or options.odometry, wheels, loop_closure=closes, clustering=clustering)
-        for name, (odometry, wheels, closes, clustering) in chosen.items()
+        name: SlamOptions(own or odometry, wheels, loop_closure=closes, clustering=clustering)
+        for name, (own, wheels, closes, clustering) in VARIANTS.items()
+        if name in (only or VARIANTS)
     }
-    bundle = open_bundle(bundle_folder(options.bundle), RENDERED, pace="files")
+    loaded = open_bundle(bundle_folder(bundle), RENDERED, pace="files")
     rows: list[dict[str, Any]] = []
-    homes = rendered(options.seeds, options.frames, options.out)
-    for folder in drives_in(options.data) if options.data else homes:
-        if options.frozen:
+    for folder in drives_in(data) if data else rendered(seeds, frames, out):
+        if frozen:
             check_sums(folder)
-        rows.append(_scored(folder, bundle, variants, options.frames))
-        if not options.json:
+        rows.append(_scored(folder, loaded, variants, frames))
+        if not json:
             print(_home(rows[-1]), flush=True)
-    if options.json:
-        document = {"bundle": options.bundle, "frames": options.frames, "homes": rows}
+    if json:
+        document = {"bundle": bundle, "frames": frames, "homes": rows}
         for kind in ("mean", "worst"):
             document[kind] = {variant: over_homes(rows, variant)[kind] for variant in variants}
         document["closure_f1"] = {closed: gains(rows, closed, none) for closed, none in CLOSURES if none in variants}
-        print(json.dumps(document, indent=1))
+        print(dumps(document, indent=1))
         return
     for line in table(rows):
         print(line)
@@ -116,7 +109,7 @@ def sums_of(folder: Path) -> dict[str, str]:
 
 def check_sums(folder: Path) -> None:
     """Ends the program where a drive is not the frozen home of its folder's name."""
-    known = json.loads(SUMS.read_text()).get(folder.name)
+    known = loads(SUMS.read_text()).get(folder.name)
     if sums_of(folder) != known:
         sys.exit(f"{folder}: objects.json or poses.tum are not those of frozen home {folder.name} ({SUMS.name})")
 
@@ -205,4 +198,4 @@ def _home(row: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(RoomsOptions, description=__doc__))
+    tyro.cli(main, description=__doc__)

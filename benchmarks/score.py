@@ -7,10 +7,10 @@ MAPS; a home without a map scores 0. docs/benchmark.md describes the protocol.
 """
 
 import csv
-import json
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
+from json import dumps
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Annotated, Any
@@ -41,18 +41,6 @@ PARTS = {
     "free": ("grid", "free", "precision_10cm"),
     "rooms": ("rooms", "found"),
 }
-
-
-@dataclass(frozen=True)
-class ScoreOptions:
-    """maps, homes: see above. seeds: A:B, of many homes those from A up to, not including, B. frames: the drive's first
-    ones, which is as long as the benchmark's are."""
-
-    maps: tyro.conf.Positional[Path]
-    homes: tyro.conf.Positional[Path]
-    seeds: str = ""
-    frames: int = 600
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
 
 def read_csv(path: Path) -> tuple[list[MapObject], bool]:
@@ -124,19 +112,23 @@ def paired(maps: Path, homes: Path, seeds: str = "") -> list[tuple[Path | None, 
     return tried
 
 
-def main(options: ScoreOptions) -> None:
-    """Score, and print a line a home and the mean with its spread."""
+def main(
+    maps: tyro.conf.Positional[Path],
+    homes: tyro.conf.Positional[Path],
+    seeds: str = "",
+    frames: int = 600,
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+) -> None:
+    """Score, and print a line a home and the mean with its spread. seeds: A:B, of many homes those from A up to, not
+    including, B. frames: the drive's first ones, which is as long as the benchmark's are."""
     try:
-        rows = [
-            scored_home(found, home, options.frames)
-            for found, home in paired(options.maps, options.homes, options.seeds)
-        ]
+        rows = [scored_home(found, home, frames) for found, home in paired(maps, homes, seeds)]
     except EdgemapError as error:
         sys.exit(f"score: {error}")
     f1 = [row["f1"] or 0.0 for row in rows]
     total = {"homes": len(rows), "f1": fmean(f1), "f1_spread": stdev(f1) if len(f1) > 1 else None, "f1_worst": min(f1)}
-    if options.json:
-        print(json.dumps({"homes": rows, "total": total}, indent=1))
+    if json:
+        print(dumps({"homes": rows, "total": total}, indent=1))
         return
     for row in rows:
         parts = {name: reduce(lambda part, key: (part or {}).get(key), path, row) for name, path in PARTS.items()}
@@ -150,4 +142,4 @@ def main(options: ScoreOptions) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(ScoreOptions, prog="python -m edgemap.benchmarks.score", description=__doc__))
+    tyro.cli(main, prog="python -m edgemap.benchmarks.score", description=__doc__)

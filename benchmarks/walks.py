@@ -4,9 +4,9 @@ Every drive is followed and mapped once for each number of corners, which random
 that start at every frame, as such drives are short. Figures are means over the runs and the worst one.
 """
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from json import dumps
 from math import degrees
 from typing import Annotated, Any
 
@@ -15,6 +15,7 @@ import tyro
 
 from edgemap.benchmarks.map_variants import replayed, true_objects
 from edgemap.evaluation.objects import score_map
+from edgemap.evaluation.odometry import mean
 from edgemap.evaluation.trajectory import (
     attitude_figures,
     integrated,
@@ -43,36 +44,32 @@ LOW_IS_WORSE = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class WalksOptions:
-    """data: drives with true poses and a mount. corners: that are tracked, one run for each number. depth: use the
-    drive's depth pictures. frames: the first ones, all by default."""
-
-    data: tyro.conf.Positional[tuple[str, ...]]
-    corners: tuple[int, ...] = (144, 152, 160, 168, 176)
-    depth: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    odometry: str = "hybrid"
-    bundle: str = "edgemap-pico"
-    frames: int | None = None
-    without_wheels: bool = False
-    without_imu: bool = False
-    json: bool = False
-
-
-def main(options: WalksOptions) -> None:
-    """Follow, map, score, and print a line of means and one of worst figures for each drive."""
-    bundle = open_bundle(bundle_folder(options.bundle), LENS, pace="files")
+def main(
+    data: tyro.conf.Positional[tuple[str, ...]],
+    corners: tuple[int, ...] = (144, 152, 160, 168, 176),
+    depth: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+    odometry: str = "hybrid",
+    bundle: str = "edgemap-pico",
+    frames: int | None = None,
+    without_wheels: bool = False,
+    without_imu: bool = False,
+    json: bool = False,
+) -> None:
+    """Follow, map, score, and print a line of means and one of worst figures for each drive. data: drives with true
+    poses and a mount. corners: that are tracked, one run for each number. depth: use the drive's depth pictures.
+    frames: the first ones, all by default."""
+    loaded = open_bundle(bundle_folder(bundle), LENS, pace="files")
+    how = SlamOptions(odometry, not without_wheels, not without_imu)
     document: dict[str, Any] = {}
-    for spec in options.data:
+    for spec in data:
         drive = open_drive(spec)
-        drive = drive if options.depth else replace(drive, depth=())
-        trees = [with_corners(count) for count in options.corners]
-        rows = [walk(drive, bundle, config, options) for config in trees]
+        drive = drive if depth else replace(drive, depth=())
+        rows = [walk(drive, loaded, with_corners(count), how, frames) for count in corners]
         document[spec] = {"runs": rows, **summary(rows)}
-        if not options.json:
+        if not json:
             print("\n".join(table(spec, document[spec])), flush=True)
-    if options.json:
-        print(json.dumps(document, indent=1))
+    if json:
+        print(dumps(document, indent=1))
 
 
 def with_corners(count: int) -> Config:
@@ -83,7 +80,9 @@ def with_corners(count: int) -> Config:
     return replace(tree, odometry=replace(tree.odometry, pictures=rule))
 
 
-def walk(drive: Drive, bundle: Bundle, config: Config, options: WalksOptions) -> dict[str, float | None]:
+def walk(
+    drive: Drive, bundle: Bundle, config: Config, how: SlamOptions, frames: int | None = None
+) -> dict[str, float | None]:
     """The figures of one run over one drive."""
     if drive.truth is None or drive.mount is None:
         raise SystemExit(f"{drive.folder}: no true poses, or no mount")
@@ -98,15 +97,14 @@ def walk(drive: Drive, bundle: Bundle, config: Config, options: WalksOptions) ->
         tilts.append(camera.attitude if camera else None)
         lost += bool(steps[1:]) and motion.members.get("camera", LOST if motion.blind or motion.faults else "") == LOST
 
-    how = SlamOptions(options.odometry, not options.without_wheels, not options.without_imu)
-    slam = replayed(drive, bundle, {"own": how}, options.frames, config, seen)["own"]
+    slam = replayed(drive, bundle, {"own": how}, frames, config, seen)["own"]
     level = None
     if drive.attitudes is not None:
         level = [drive.attitudes.at(stamp_s, drive.mount.height_m) for stamp_s in stamps]
     errors = walk_errors(drive.truth, stamps, steps[1:], np.array(covariances[1:]))
     tilt = attitude_figures(tilts, level)
     known = tilt["pitch_rms_deg"] is not None
-    truth = true_objects(drive, options.frames)
+    truth = true_objects(drive, frames)
     return errors | {
         "lost": lost,
         "tilt": float(np.hypot(tilt["pitch_rms_deg"], tilt["roll_rms_deg"])) if known else None,
@@ -122,11 +120,11 @@ def walk_errors(
     path length divided by the true one, and NEES per degree of freedom over windows of time (1 is consistent)."""
     true, found = [truth.at(stamp_s) for stamp_s in stamps_s], integrated(steps)
     segments = {length: segment_errors(true, found, length, step=1) / length for length in LENGTHS_M}
-    figures = {f"t_rel_{length:g}": _mean(100.0 * errors[:, 0]) for length, errors in segments.items()}
-    figures[f"r_rel_{LENGTHS_M[-1]:g}"] = _mean(np.degrees(segments[LENGTHS_M[-1]][:, 1]))
+    figures = {f"t_rel_{length:g}": mean(100.0 * errors[:, 0]) for length, errors in segments.items()}
+    figures[f"r_rel_{LENGTHS_M[-1]:g}"] = mean(np.degrees(segments[LENGTHS_M[-1]][:, 1]))
     figures["scale"] = float(path_m(found)[-1] / max(path_m(true)[-1], 1e-9))
     windows = window_errors(true, found, covariances, np.array(stamps_s), WINDOWS_S)
-    figures |= {f"nees_{length:g}": _mean(errors / 3.0) for length, errors in windows.items()}
+    figures |= {f"nees_{length:g}": mean(errors / 3.0) for length, errors in windows.items()}
     last = motion_errors([true[0].inverse() @ true[-1]], [found[-1]])[0]
     return figures | {"end_m": float(np.hypot(last[0], last[1])), "end_deg": abs(degrees(last[2]))}
 
@@ -138,7 +136,7 @@ def summary(
     largest. Null figures are left out."""
     known = {key: [row[key] for row in rows if row[key] is not None] for key in names}
     values = {key: np.array(found, dtype=float) for key, found in known.items()}
-    means = {key: _mean(found) for key, found in values.items()}
+    means = {key: mean(found) for key, found in values.items()}
     worst = {key: _worst(key, found) for key, found in values.items()}
     return {"mean": means, "worst": worst}
 
@@ -160,9 +158,5 @@ def _worst(key: str, values: np.ndarray) -> float | None:
     return float(values.min() if key in LOW_IS_WORSE else values.max())
 
 
-def _mean(values: np.ndarray) -> float | None:
-    return float(values.mean()) if len(values) else None
-
-
 if __name__ == "__main__":
-    main(tyro.cli(WalksOptions, description=__doc__))
+    tyro.cli(main, description=__doc__)

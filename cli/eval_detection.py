@@ -88,8 +88,8 @@ def command(
         known, count = labelled_pictures(drive, frames), len(drive.boxes[:frames])
         for image, truth in tqdm(known, total=count, unit=" pictures", disable=json or None):
             unknown += sum(label not in number for label in truth.labels)
-            size, outputs = (image.shape[1], image.shape[0]), detector.raw(image)
-            compare = partial(ScoredPicture.compare, size, truth.boxes, truth.labels, truth.ignorable())
+            outputs = detector.raw(image)
+            compare = partial(ScoredPicture.compare, truth.boxes, truth.labels, truth.ignorable())
             pictures.append(compare(every(*outputs), number))
             shown.append(compare(as_run(*outputs), number))
             if calibrate:

@@ -28,8 +28,6 @@ class ScoredPicture:
     ignored: true boxes that are not scored, bool (N,); None where all are.
     """
 
-    width: int
-    height: int
     true_boxes: NDArray[np.float64]
     true_labels: NDArray[np.int64]
     boxes: NDArray[np.float64]
@@ -45,20 +43,18 @@ class ScoredPicture:
     @classmethod
     def compare(
         cls,
-        size: tuple[int, int],
         true_boxes: NDArray[np.float64],
         true_labels: Sequence[str],
         ignored: NDArray[np.bool_],
         detections: Detections,
         numbers: Mapping[str, int],
     ) -> "ScoredPicture":
-        """A picture of `size` (width, height) px by the classes in `numbers`, name to class id; others are left out."""
+        """A picture by the classes in `numbers`, name to class id; others are left out."""
         scored_rows = [row for row, label in enumerate(true_labels) if label in numbers]
         labels = np.array([numbers[true_labels[row]] for row in scored_rows], dtype=np.int64)
         mine = np.isin(detections.class_ids, list(numbers.values()))
         boxes = true_boxes[scored_rows].reshape(-1, 4)
         return cls(
-            *size,
             boxes,
             labels,
             detections.boxes[mine],
@@ -97,7 +93,7 @@ def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
         return {"ap": 0.0, "ap50": 0.0, "per_class": none, **counts}
     document = {
         "info": {},
-        "images": [{"id": n, "width": p.width, "height": p.height} for n, p in enumerate(pictures, start=1)],
+        "images": [{"id": number} for number, _ in enumerate(pictures, start=1)],
         "categories": [{"id": n, "name": name} for n, name in enumerate(names, start=1)],
         "annotations": truth,
     }

@@ -21,7 +21,6 @@ class FloorScore:
     _union: int = 0
     _errors_px: list[NDArray[np.float64]] = field(default_factory=list)
     _errors_m: list[NDArray[np.float64]] = field(default_factory=list)
-    _mounted: bool = False
 
     def add(self, mask: FloorMask, truth: NDArray[np.uint8], camera: FloorCamera | None = None) -> None:
         """One picture: the mask, the true labels (H, W) of all its pixels, and its camera where a mount is known."""
@@ -37,7 +36,6 @@ class FloorScore:
         self._errors_px.append(np.abs(predicted_contacts - expected))
         if camera is None:
             return
-        self._mounted = True
         at = camera.floor_points(np.column_stack([columns_px, expected]))
         near = np.hypot(at[:, 0], at[:, 1]) <= NEAR_M  # NaN is not
         other = camera.floor_points(np.column_stack([columns_px, predicted_contacts])[near])
@@ -51,7 +49,7 @@ class FloorScore:
         return {
             "iou": round(self._overlap / self._union, 4) if self._union else None,
             "boundary_px": _median(self._errors_px),
-            "contact_m": _median(self._errors_m) if self._mounted else None,
+            "contact_m": _median(self._errors_m),
             "pictures": self.pictures,
         }
 

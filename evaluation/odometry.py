@@ -101,10 +101,10 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
     return {
         "frames": len(from_start),
         "path_m": sum(drive.path_m for drive in drives),
-        "t_rel_percent": {f"{length:g}": _mean(100.0 * r[:, 0]) for length, r in relative.items()},
-        "r_rel_deg_per_m": {f"{length:g}": _mean(np.degrees(r[:, 1])) for length, r in relative.items()},
-        "t_rel_mean_percent": _mean(100.0 * every[:, 0]),
-        "r_rel_mean_deg_per_m": _mean(np.degrees(every[:, 1])),
+        "t_rel_percent": {f"{length:g}": mean(100.0 * r[:, 0]) for length, r in relative.items()},
+        "r_rel_deg_per_m": {f"{length:g}": mean(np.degrees(r[:, 1])) for length, r in relative.items()},
+        "t_rel_mean_percent": mean(100.0 * every[:, 0]),
+        "r_rel_mean_deg_per_m": mean(np.degrees(every[:, 1])),
         "segments": {f"{length:g}": len(errors) for length, errors in segments.items()},
         "ate_m": _rms(np.concatenate([drive.aligned_m for drive in drives])),
         "rmse_forward_m": forward,
@@ -114,7 +114,7 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
         "paper_rmse_yaw_rad": _rms(from_start[:, 2]),
         "nees": None if nees is None else float(nees.mean()),
         "nees_median": None if nees is None else float(np.median(nees)),
-        "window_nees": {f"{length_s:g}": _mean(np.hstack([*found, []])) for length_s, found in windows.items()},
+        "window_nees": {f"{length_s:g}": mean(np.hstack([*found, []])) for length_s, found in windows.items()},
         "still": {
             "frames": len(still),
             "cm_per_frame": _mean_and_max(100.0 * still[:, 0]),
@@ -141,7 +141,8 @@ def worst_drive(drives: dict[str, DriveErrors]) -> dict[str, Any] | None:
     return {"sequence": name, "length_m": length, "t_rel_percent": drift[name]}
 
 
-def _mean(values: Array) -> float | None:
+def mean(values: Array) -> float | None:
+    """The mean; None of nothing."""
     return float(values.mean()) if len(values) else None
 
 

@@ -1,6 +1,7 @@
 """Adopts an ONNX detector made elsewhere: recognises its outputs, taps a feature tensor, leaves its numbers alone."""
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,7 +13,7 @@ from google.protobuf.message import DecodeError
 from onnx import ModelProto
 
 from edgemap.export.errors import ExportError
-from edgemap.export.picodet import is_picodet, picodet_contract, trim
+from edgemap.export.picodet import is_picodet, picodet_contract, shape_of, trim
 from edgemap.runtime.frames.class_names import COCO_NAMES, is_mapped
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.network.foreign import ForeignFile, recognise
@@ -44,6 +45,11 @@ class Tensor4:
     height: int
     width: int
 
+    def value(self) -> onnx.ValueInfoProto:
+        """It as an output of the graph."""
+        shape = (1, self.channels, self.height, self.width)
+        return onnx.helper.make_tensor_value_info(self.name, onnx.TensorProto.FLOAT, shape)
+
 
 def load_onnx(path: Path) -> ModelProto:
     """Read and check an ONNX file. Raises ExportError."""
@@ -58,23 +64,27 @@ def load_onnx(path: Path) -> ModelProto:
     return model
 
 
-def static_tensors(model: ModelProto) -> list[Tensor4]:
-    """All tensors of static shape (1, C, H, W) that nodes make, in graph order."""
-    inferred = onnx.shape_inference.infer_shapes(model)
-    shapes = {}
-    for value in (*inferred.graph.value_info, *inferred.graph.output):
-        sizes = [axis.dim_value for axis in value.type.tensor_type.shape.dim]
-        if len(sizes) == 4 and sizes[0] == 1 and all(size > 0 for size in sizes):
-            shapes[value.name] = sizes
-    return [
-        Tensor4(name, node.op_type, *shapes[name][1:])
-        for node in inferred.graph.node
-        for name in node.output
-        if name in shapes
-    ]
+def static_tensors(model: ModelProto) -> dict[str, Tensor4]:
+    """All tensors of static shape (1, C, H, W) that nodes make, by name, in graph order."""
+    graph = onnx.shape_inference.infer_shapes(model).graph
+    shapes = {value.name: shape_of(value) for value in (*graph.value_info, *graph.output)}
+    made = [(name, node.op_type, shapes.get(name, ())) for node in graph.node for name in node.output]
+    return {
+        name: Tensor4(name, op, *shape[1:])
+        for name, op, shape in made
+        if len(shape) == 4 and shape[0] == 1 and min(shape) > 0
+    }
 
 
-def find_tap(tensors: list[Tensor4], stride: int, width: int, height: int) -> Tensor4:
+def only_outputs(model: ModelProto, tensors: Iterable[Tensor4]) -> ModelProto:
+    """The model with these tensors as its outputs, in this order."""
+    model = copy.deepcopy(model)
+    del model.graph.output[:], model.graph.value_info[:]
+    model.graph.output.extend(tensor.value() for tensor in tensors)
+    return model
+
+
+def find_tap(tensors: Mapping[str, Tensor4], stride: int, width: int, height: int) -> Tensor4:
     """The best feature tensor of a stride: the last of the widest activations before the next coarser grid.
 
     The coarsest stride has no coarser grid after it, so the result is the neck's last wide activation. Raises
@@ -82,7 +92,7 @@ def find_tap(tensors: list[Tensor4], stride: int, width: int, height: int) -> Te
     """
     grid = (height // stride, width // stride)
     found: list[Tensor4] = []
-    for tensor in tensors:
+    for tensor in tensors.values():
         if (tensor.height, tensor.width) == grid and tensor.op not in NO_FEATURE:
             found.append(tensor)
         if found and tensor.height * 2 == grid[0] and tensor.width * 2 == grid[1]:
@@ -143,24 +153,10 @@ def tapped(model: ModelProto, detector: DetectorSpec, path: Path, feature: str |
     return msgspec.structs.replace(detector, features=() if spec is None else (spec,))
 
 
-def with_outputs(path: Path, names: Sequence[str]) -> bytes:
-    """The file's network with these tensors as its outputs, for a comparison."""
-    model = load_onnx(path)
-    shapes = {tensor.name: (1, tensor.channels, tensor.height, tensor.width) for tensor in static_tensors(model)}
-    del model.graph.output[:]
-    model.graph.output.extend(
-        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, shapes[name]) for name in names
-    )
-    return model.SerializeToString()
-
-
 def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:
     constants = {item.name for item in model.graph.initializer}
     inputs = [value for value in model.graph.input if value.name not in constants]
-    shapes = {
-        value.name: tuple(axis.dim_value for axis in value.type.tensor_type.shape.dim)
-        for value in (*inputs, *model.graph.output)
-    }
+    shapes = {value.name: shape_of(value) for value in (*inputs, *model.graph.output)}
     if len(inputs) != 1 or len(shapes[inputs[0].name]) != 4 or shapes[inputs[0].name][:2] != (1, 3):
         said = {value.name: shapes[value.name] for value in inputs}
         raise ExportError(f"{path}: expected one input (1, 3, H, W) of fixed size, found {said}")
@@ -183,7 +179,7 @@ def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:
 
 def _tap(model: ModelProto, path: Path, feature: str, spec: InputSpec) -> FeatureSpec:
     tensors = static_tensors(model)
-    named = next((tensor for tensor in tensors if tensor.name == feature), None)
+    named = tensors.get(feature)
     if named is None and feature.startswith("stride") and feature[6:].isdigit() and int(feature[6:]) > 0:
         try:
             named = find_tap(tensors, int(feature[6:]), spec.width, spec.height)
@@ -199,7 +195,7 @@ def _tap(model: ModelProto, path: Path, feature: str, spec: InputSpec) -> Featur
         raise ExportError(
             f"{path}: tensor {feature!r} has {named.height}x{named.width} cells, no whole stride of the input"
         )
-    shape = (1, named.channels, named.height, named.width)
     if named.name not in {value.name for value in model.graph.output}:
-        model.graph.output.append(onnx.helper.make_tensor_value_info(named.name, onnx.TensorProto.FLOAT, shape))
+        model.graph.output.append(named.value())
+    shape = (1, named.channels, named.height, named.width)
     return FeatureSpec(name=named.name, shape=shape, stride=spec.width // named.width)

@@ -1,5 +1,6 @@
 """Backbones ready to be bundled: a Darknet network or an adopted ONNX file, its contract and its reference."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from onnx import ModelProto
 
 from edgemap.export import parity
-from edgemap.export.adopt import adopt, class_entries, tapped, with_outputs
+from edgemap.export.adopt import adopt, class_entries, load_onnx, only_outputs, static_tensors, tapped
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_cfg import yolov3, yolov3_tiny
 from edgemap.export.darknet_weights import load_weights, random_weights, value_count
@@ -28,7 +29,7 @@ from edgemap.runtime.network.network import Compute, Tensors
 DARKNET = {"yolov3": yolov3, "yolov3-tiny": yolov3_tiny}
 ADOPTED = ("yolox-nano", "picodet-s")
 BACKBONES = (*DARKNET, *ADOPTED)
-NOT_KNOWN = KnownModel("", "", (), "not stated", ())
+NOT_KNOWN = KnownModel("", "", (), "not stated")
 DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5
 
 
@@ -42,10 +43,10 @@ class Backbone:
     model: ModelProto
     detector: DetectorSpec
     reference: parity.Reference
-    exact: bool
     measured: dict[str, Any]
     licence: str
     sources: tuple[str, ...]
+    exact: bool = False
     confidence: float = 0.3
     sure_confidence: float = 0.0
 
@@ -77,19 +78,11 @@ def darknet_backbone(
     about["float32_values"] = value_count(network)
     detector = _darknet_detector(network, feature)
     names = list(dict.fromkeys(spec.name for spec in (*detector.heads, *detector.features)))
-    network.eval()
-
-    def reference(picture: NDArray[np.float32]) -> Tensors:
-        with torch.no_grad():
-            tensors = network(torch.from_numpy(picture) / 255.0)
-        return {name: tensor.numpy() for name, tensor in zip(names, tensors, strict=True)}
-
     return Backbone(
         name=name,
         model=backbone_to_onnx(network, detector),
         detector=detector,
-        reference=reference,
-        exact=False,
+        reference=_in_torch(network, names, 255.0),
         measured={"weights": about},
         licence=KNOWN.get(backbone, NOT_KNOWN).licence,
         sources=sources or (f"{about['file']} sha256 {about['sha256']}",),
@@ -101,19 +94,12 @@ def trained_backbone(name: str, feature: str | None) -> Backbone:
     model, manifest = load_detector(name)
     detector = tapped(model, manifest.detector, Path(name), feature)
     graph = Graph(model)
-
-    def reference(picture: NDArray[np.float32]) -> Tensors:
-        with torch.no_grad():
-            tensors = graph(torch.from_numpy(picture))
-        return {name: tensor.numpy() for name, tensor in zip(graph.outputs, tensors, strict=True)}
-
     parameters = sum(parameter.numel() for parameter in graph.parameters())
     return Backbone(
         name=manifest.name,
         model=model,
         detector=detector,
-        reference=reference,
-        exact=False,
+        reference=_in_torch(graph, graph.outputs),
         measured=manifest.measured | {"weights": {"parameters": parameters}},
         licence=manifest.licence,
         sources=manifest.sources,
@@ -122,15 +108,27 @@ def trained_backbone(name: str, feature: str | None) -> Backbone:
     )
 
 
+def _in_torch(network: torch.nn.Module, names: Sequence[str], divisor: float = 1.0) -> parity.Reference:
+    """A torch network's outputs by name, of pictures over `divisor`."""
+    network.eval()
+
+    def reference(picture: NDArray[np.float32]) -> Tensors:
+        with torch.no_grad():
+            tensors = network(torch.from_numpy(picture) / divisor)
+        return {name: tensor.numpy() for name, tensor in zip(names, tensors, strict=True)}
+
+    return reference
+
+
 def _darknet_network(backbone: str, size: tuple[int, int] | None) -> tuple[Darknet, str]:
     if backbone in DARKNET:
-        network = Darknet.from_cfg(DARKNET[backbone](), size)
+        network = Darknet(DARKNET[backbone](), size)
         network.name = backbone
         return network, backbone
     path = Path(backbone)
     if path.suffix != ".cfg" and not path.is_file():
         raise ExportError(f"backbone {backbone!r} is not one of {', '.join(BACKBONES)}, nor a .cfg or .onnx file")
-    return Darknet.from_cfg(path, size), path.stem
+    return Darknet(path, size), path.stem
 
 
 def _darknet_detector(network: Darknet, feature: str | None) -> DetectorSpec:
@@ -182,17 +180,16 @@ def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, s
         path, sources = obtain(entry)
     model, detector = adopt(path, feature)
     exact = detector.decode != "dfl"
-    source = path if exact else with_outputs(path, [head.name for head in detector.heads])
+    source: Path | bytes = path
+    if not exact:
+        tensors = static_tensors(whole := load_onnx(path))
+        source = only_outputs(whole, [tensors[head.name] for head in detector.heads]).SerializeToString()
     original = open_onnxruntime(source, Compute(2, spin=True))
-
-    def reference(picture: NDArray[np.float32]) -> Tensors:
-        return original.run({detector.input.name: picture})
-
     return Backbone(
         name=name,
         model=model,
         detector=detector,
-        reference=reference,
+        reference=lambda picture: original.run({detector.input.name: picture}),
         exact=exact,
         measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},
         licence=entry.licence,

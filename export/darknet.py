@@ -3,7 +3,6 @@
 import math
 from pathlib import Path
 
-import torch
 from torch import Tensor, nn
 
 from edgemap.export import darknet_layers as layers
@@ -12,22 +11,22 @@ from edgemap.export.darknet_layers import Shape, Yolo
 from edgemap.export.errors import ExportError
 
 FORK_KEYS = frozenset({"iou_loss", "cls_normalizer", "iou_normalizer", "scale_x_y", "nms_kind"})
-KNOWN = ("convolutional", "maxpool", "avgpool", "upsample", "route", "shortcut", "dropout", "yolo")
 CELL_LIMIT = 1 << 26  # values of one layer
 WEIGHT_LIMIT = 1 << 27  # YOLOv3 has 62 million
 WIDEST_NECK = 512  # channels; the paper's other feature matrix is 13x13x512 (section 4.5)
 
 
 class Darknet(nn.Module):
-    """A network read from a cfg.
+    """A network of a cfg file (Path) or text. size: (width, height) in px instead of the cfg's. Raises ExportError.
 
     Takes (1, 3, height, width) float32 RGB in 0..1; gives the outputs of `outputs` (layer indices), by default the raw
     logits (1, A*(5+C), H, W) of every yolo head, coarsest first. shapes: (C, H, W) after each layer. letterbox: whether
     pictures keep their aspect; else they are stretched.
     """
 
-    def __init__(self, sections: list[Section], size: tuple[int, int] | None = None) -> None:
+    def __init__(self, cfg: Path | str, size: tuple[int, int] | None = None) -> None:
         super().__init__()
+        sections = read_cfg(cfg) if isinstance(cfg, Path) else parse_cfg(cfg)
         net = sections[0]
         self.name = net.file
         self.channels = net.integer("channels", 3, least=1)
@@ -51,11 +50,6 @@ class Darknet(nn.Module):
             raise ExportError(f"{self.name}: [yolo] layers differ in classes ({[h.classes for h in self.heads]})")
         self.heads.sort(key=lambda head: head.shape[1])
         self.outputs = tuple(head.layer for head in self.heads)
-
-    @classmethod
-    def from_cfg(cls, cfg: Path | str, size: tuple[int, int] | None = None) -> "Darknet":
-        """From a cfg file (Path) or text. size: (width, height) in px instead of the cfg's. Raises ExportError."""
-        return cls(read_cfg(cfg) if isinstance(cfg, Path) else parse_cfg(cfg), size)
 
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
         """(1, 3, height, width) in 0..1 to the tensors of `outputs`."""
@@ -105,30 +99,17 @@ class Darknet(nn.Module):
     def _build(self, section: Section) -> tuple[layers.Layer, Shape]:
         index = len(self.shapes)
         shape = self.shapes[-1] if self.shapes else (self.channels, self.height, self.width)
-        if section.kind not in KNOWN:
-            raise ExportError(f"{section.where} is not a layer that edgemap reads ({', '.join(KNOWN)})")
+        joins = {"route": self._route, "shortcut": self._shortcut, "yolo": self._yolo}
+        if section.kind not in (known := layers.BUILDERS | joins):
+            raise ExportError(f"{section.where} is not a layer that edgemap reads ({', '.join(known)})")
         for key in layers.FOREIGN:
             if section.integer(key, 0):
                 raise ExportError(f"{section.where} {key}={section.text(key)} is not supported")
-        match section.kind:
-            case "convolutional":
-                self._weights += layers.weight_count(section, shape)
-                if self._weights > WEIGHT_LIMIT:
-                    raise ExportError(f"{section.where} makes more than {WEIGHT_LIMIT:,} weights")
-                return layers.convolutional(section, shape, index - 1)
-            case "maxpool":
-                return layers.maxpool(section, shape, index - 1)
-            case "upsample":
-                return layers.upsample(section, shape, index - 1)
-            case "avgpool":
-                return layers.Layer([index - 1], nn.AdaptiveAvgPool2d(1)), (shape[0], 1, 1)
-            case "route":
-                return self._route(section, index)
-            case "shortcut":
-                return self._shortcut(section, index)
-            case "yolo":
-                return self._yolo(section, index, shape)
-        return layers.Layer([index - 1]), shape
+        if section.kind == "convolutional":
+            self._weights += layers.weight_count(section, shape)
+            if self._weights > WEIGHT_LIMIT:
+                raise ExportError(f"{section.where} makes more than {WEIGHT_LIMIT:,} weights")
+        return known[section.kind](section, shape, index - 1)
 
     def _sources(self, section: Section, key: str, index: int) -> list[int]:
         sources = [number if number >= 0 else index + number for number in section.integers(key)]
@@ -138,8 +119,8 @@ class Darknet(nn.Module):
             )
         return sources
 
-    def _route(self, section: Section, index: int) -> tuple[layers.Layer, Shape]:
-        sources = self._sources(section, "layers", index)
+    def _route(self, section: Section, _: Shape, before: int) -> tuple[layers.Layer, Shape]:
+        sources = self._sources(section, "layers", before + 1)
         groups, group = section.integer("groups", 1, least=1), section.integer("group_id", 0, least=0)
         shapes = [self.shapes[source] for source in sources]
         if len({shape[1:] for shape in shapes}) != 1:
@@ -152,20 +133,19 @@ class Darknet(nn.Module):
         channels = sum(shape[0] // groups for shape in shapes)
         return layers.Layer(sources, layers.Route(groups, group)), (channels, *shapes[0][1:])
 
-    def _shortcut(self, section: Section, index: int) -> tuple[layers.Layer, Shape]:
+    def _shortcut(self, section: Section, shape: Shape, before: int) -> tuple[layers.Layer, Shape]:
         if section.text("weights_type", "none") != "none":
             raise ExportError(f"{section.where} weights_type={section.text('weights_type')} is not supported")
-        sources = self._sources(section, "from", index)
-        shape = self.shapes[index - 1] if index else (0, 0, 0)
+        sources = self._sources(section, "from", before + 1)
         for source in sources:
             if self.shapes[source] != shape:
                 raise ExportError(
                     f"{section.where} adds layer {source} of shape {self.shapes[source]} to shape {shape}"
                 )
         added = layers.Shortcut(layers.activation(section, "linear"))
-        return layers.Layer([index - 1, *sources], added), shape
+        return layers.Layer([before, *sources], added), shape
 
-    def _yolo(self, section: Section, index: int, shape: Shape) -> tuple[layers.Layer, Shape]:
+    def _yolo(self, section: Section, shape: Shape, before: int) -> tuple[layers.Layer, Shape]:
         flat, classes = section.numbers("anchors"), section.integer("classes", 20, least=1)
         if len(flat) % 2:
             raise ExportError(f"{section.where} anchors= holds {len(flat)} numbers, not pairs")
@@ -182,24 +162,8 @@ class Darknet(nn.Module):
         anchors = tuple(pairs[number] for number in mask)
         if not pairs or not all(side > 0.0 for pair in pairs for side in pair):
             raise ExportError(f"{section.where} anchors={section.text('anchors')}: sides must be positive")
-        self.heads.append(Yolo(index - 1, classes, anchors, section.number("scale_x_y", 1.0), shape))
-        return layers.Layer([index - 1]), shape
-
-
-def fold_batch_norm(network: Darknet) -> None:
-    """Fold every batch normalisation into its convolution, in place and in float64."""
-    with torch.no_grad():
-        for layer in network.convolutions():
-            norm = layer.norm
-            if norm is None:
-                continue
-            assert norm.running_var is not None
-            assert norm.running_mean is not None
-            factor = norm.weight.double() / torch.sqrt(norm.running_var.double() + norm.eps)
-            bias = norm.bias.double() - norm.running_mean.double() * factor
-            layer.conv.weight.copy_(layer.conv.weight.double() * factor[:, None, None, None])
-            layer.conv.bias = nn.Parameter(bias.float())
-            layer.norm = None
+        self.heads.append(Yolo(before, classes, anchors, section.number("scale_x_y", 1.0), shape))
+        return layers.Layer([before]), shape
 
 
 def _letterboxes(sections: list[Section]) -> bool:

@@ -12,7 +12,6 @@ SECTION_LIMIT = 2000
 OPTION_LENGTH = 10_000
 LARGEST = 100_000  # of any whole number: pixels, channels, layers; more has no meaning and takes memory
 Value = TypeVar("Value", int, float)
-_REQUIRED = object()
 
 
 @dataclass(frozen=True)
@@ -37,51 +36,41 @@ class Section:
             raise ExportError(f"{self.where} lacks {key}=")
         return default
 
-    def integer(self, key: str, default: object = _REQUIRED, least: int | None = None) -> int:
-        """An option as a whole number, at least `least`. Raises ExportError."""
-        return self._one(key, default, int, "a whole number", least)
+    def integer(self, key: str, default: int | None = None, least: int = -LARGEST) -> int:
+        """An option as a whole number, at least `least`. Raises ExportError, also where it lacks without a default."""
+        if key not in self.options and default is not None:
+            return default
+        (value,) = self._read(key, [self.text(key)], int, "a whole number")
+        if value < least:
+            raise ExportError(f"{self._where(key)}={value}, expected {least} or more")
+        return value
 
-    def number(self, key: str, default: object = _REQUIRED) -> float:
+    def number(self, key: str, default: float) -> float:
         """An option as a real number. Raises ExportError."""
-        return self._one(key, default, float, "a number", None)
+        return self._read(key, [self.text(key)], float, "a number")[0] if key in self.options else default
 
     def integers(self, key: str) -> tuple[int, ...]:
         """A comma-separated option as whole numbers. Raises ExportError."""
-        return tuple(self._list(key, int, "whole numbers"))
+        return self._read(key, self._parts(key), int, "a list of whole numbers")
 
     def numbers(self, key: str) -> tuple[float, ...]:
         """A comma-separated option as real numbers. Raises ExportError."""
-        return tuple(self._list(key, float, "numbers"))
+        return self._read(key, self._parts(key), float, "a list of numbers")
 
-    def _one(self, key: str, default: object, read: Callable[[str], Value], what: str, least: int | None) -> Value:
-        if key not in self.options and default is not _REQUIRED:
-            return default  # type: ignore[return-value]
-        text = self.text(key)
+    def _parts(self, key: str) -> list[str]:
+        return [part for part in self.text(key).split(",") if part.strip()]
+
+    def _read(self, key: str, parts: list[str], read: Callable[[str], Value], what: str) -> tuple[Value, ...]:
         try:
-            value = read(text)
+            values = tuple(map(read, parts))
         except ValueError:
-            raise ExportError(f"{self._where(key)}={one_line(text, 60)} is not {what}") from None
-        self._in_range(key, value)
-        if least is not None and value < least:
-            raise ExportError(f"{self._where(key)}={text}, expected {least} or more")
-        return value
+            raise ExportError(f"{self._where(key)}={one_line(self.text(key), 60)} is not {what}") from None
+        if not all(abs(value) <= LARGEST for value in values):
+            raise ExportError(f"{self._where(key)}={one_line(self.text(key), 40)}, at most {LARGEST:,} are read")
+        return values
 
     def _where(self, key: str) -> str:
         return f"{self.file}:{self.options[key][1]}: {key}"
-
-    def _in_range(self, key: str, value: float) -> None:
-        if not abs(value) <= LARGEST:
-            raise ExportError(f"{self._where(key)}={one_line(self.text(key), 40)}, at most {LARGEST:,} are read")
-
-    def _list(self, key: str, read: Callable[[str], Value], what: str) -> list[Value]:
-        text = self.text(key)
-        try:
-            values = [read(part) for part in text.split(",") if part.strip()]
-            for value in values:
-                self._in_range(key, value)
-            return values
-        except ValueError:
-            raise ExportError(f"{self._where(key)}={one_line(text, 60)} is not a list of {what}") from None
 
 
 def parse_cfg(text: str, file: str = "cfg") -> list[Section]:
@@ -125,8 +114,7 @@ def _section(kind: str, **options: object) -> str:
     return f"[{kind}]\n" + "".join(f"{key.rstrip('_')}={value}\n" for key, value in options.items())
 
 
-def _net(size: int) -> str:
-    return _section("net", width=size, height=size, channels=3)
+NET = _section("net", width=416, height=416, channels=3)
 
 
 def _conv(filters: int, size: int, stride: int = 1) -> str:
@@ -151,18 +139,18 @@ def _finer(branch: int, join: int, filters: int) -> str:
     )
 
 
-def yolov3_tiny(size: int = 416) -> str:
+def yolov3_tiny() -> str:
     """Cfg text of YOLOv3-tiny: 24 layers, 8,858,734 values, heads of stride 32 and 16."""
-    text = _net(size)
+    text = NET
     for filters, stride in ((16, 2), (32, 2), (64, 2), (128, 2), (256, 2), (512, 1)):
         text += _conv(filters, 3) + _section("maxpool", size=2, stride=stride)
     text += _conv(1024, 3) + _conv(256, 1) + _conv(512, 3) + _head("3,4,5", TINY_ANCHORS)
     return text + _finer(-4, 8, 128) + _conv(256, 3) + _head("0,1,2", TINY_ANCHORS)
 
 
-def yolov3(size: int = 416) -> str:
+def yolov3() -> str:
     """Cfg text of YOLOv3: Darknet-53 and three heads, 107 layers, 62,001,757 values, strides 32, 16 and 8."""
-    text = _net(size) + _conv(32, 3)
+    text = NET + _conv(32, 3)
     for filters, blocks in ((64, 1), (128, 2), (256, 8), (512, 8), (1024, 4)):
         residual = _conv(filters // 2, 1) + _conv(filters, 3) + _section("shortcut", from_=-3, activation="linear")
         text += _conv(filters, 3, stride=2) + blocks * residual

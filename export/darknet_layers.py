@@ -170,3 +170,12 @@ def upsample(section: Section, shape: Shape, source: int) -> tuple[Layer, Shape]
     if section.number("scale", 1.0) != 1.0:
         raise ExportError(f"{section.where} scale={section.text('scale')} is not supported, only 1")
     return Layer([source], nn.Upsample(scale_factor=float(factor))), (shape[0], shape[1] * factor, shape[2] * factor)
+
+
+BUILDERS = {  # of layers that read the one before: section, shape and index of that to layer and shape
+    "convolutional": convolutional,
+    "maxpool": maxpool,
+    "upsample": upsample,
+    "avgpool": lambda _, shape, source: (Layer([source], nn.AdaptiveAvgPool2d(1)), (shape[0], 1, 1)),
+    "dropout": lambda _, shape, source: (Layer([source]), shape),
+}

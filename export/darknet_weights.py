@@ -8,7 +8,9 @@ from torch import Tensor
 
 from edgemap.export.darknet import Darknet
 from edgemap.export.errors import ExportError
+from edgemap.runtime.frames.reading import read_bytes
 
+FILE_BYTES = 1 << 30  # YOLOv3 has 248 million
 WIDE_SEEN = 2  # from version 0.2 on, `seen` is 64 bits wide
 
 
@@ -33,32 +35,26 @@ def value_count(network: Darknet) -> int:
     return sum(tensor.numel() for tensor in tensors_in_file_order(network))
 
 
-def read_header(path: Path) -> tuple[int, int]:
+def _header(data: bytes, path: Path) -> tuple[int, int]:
     """Length of the header in bytes, and pictures that the training had seen: three int32, then `seen` as int32 or
     int64 by version. Raises ExportError."""
-    try:
-        if not path.is_file() and path.exists():  # a pipe would block
-            raise ExportError(f"{path}: cannot be read (not a file)")
-        with path.open("rb") as stream:
-            start = stream.read(20)
-    except OSError as error:
-        raise ExportError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(start) < 16:
-        raise ExportError(f"{path}: {len(start)} bytes, too short for a Darknet header of 16 or 20")
-    major, minor, revision = (int(number) for number in np.frombuffer(start, "<i4", 3))
+    if len(data) < 16:
+        raise ExportError(f"{path}: {len(data)} bytes, too short for a Darknet header of 16 or 20")
+    major, minor, revision = (int(number) for number in np.frombuffer(data, "<i4", 3))
     if not (0 <= major < 1000 and 0 <= minor < 1000):
         raise ExportError(f"{path}: not a Darknet weights file (its version reads {major}.{minor}.{revision})")
     length = 20 if major * 10 + minor >= WIDE_SEEN else 16
-    if len(start) < length:
-        raise ExportError(f"{path}: {len(start)} bytes, too short for a Darknet header of {length}")
-    return length, int(np.frombuffer(start, "<u8" if length == 20 else "<u4", 1, offset=12)[0])
+    if len(data) < length:
+        raise ExportError(f"{path}: {len(data)} bytes, too short for a Darknet header of {length}")
+    return length, int(np.frombuffer(data, "<u8" if length == 20 else "<u4", 1, offset=12)[0])
 
 
 def load_weights(network: Darknet, path: Path) -> int:
     """Fill the network from a .weights file of exactly its size; gives the number of pictures that its training had
     seen. Raises ExportError with both counts."""
-    length, seen = read_header(path)
-    body = path.stat().st_size - length
+    data = read_bytes(path, ExportError, FILE_BYTES)
+    length, seen = _header(data, path)
+    body = len(data) - length
     expected = value_count(network)
     if body != 4 * expected:
         odd = f" and {body % 4} bytes more" if body % 4 else ""
@@ -66,15 +62,14 @@ def load_weights(network: Darknet, path: Path) -> int:
         raise ExportError(
             f"{path}: too {how} for {network.name}: expected {expected:,} float32 values, found {body // 4:,}{odd}"
         )
-    values = np.fromfile(path, "<f4", expected, offset=length)
+    values = np.frombuffer(data, "<f4", offset=length)
     if bad := int(np.count_nonzero(~np.isfinite(values))):
         raise ExportError(f"{path}: {bad:,} of {expected:,} values are not finite: damaged")
-    position = 0
+    tensors = tensors_in_file_order(network)
+    ends = np.cumsum([tensor.numel() for tensor in tensors])
     with torch.no_grad():
-        for tensor in tensors_in_file_order(network):
-            piece = values[position : position + tensor.numel()]
-            tensor.copy_(torch.from_numpy(piece).view(tensor.shape))
-            position += tensor.numel()
+        for tensor, piece in zip(tensors, np.split(values, ends[:-1]), strict=True):
+            tensor.copy_(torch.tensor(piece).view(tensor.shape))
     return seen
 
 

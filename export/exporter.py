@@ -1,6 +1,6 @@
 """From a backbone's name, cfg or ONNX file to a bundle, written beside its place, proven by the runtime, then moved."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -11,21 +11,21 @@ from onnx import ModelProto
 
 from edgemap import __version__
 from edgemap.export import parity
-from edgemap.export.adopt import Tensor4, static_tensors
+from edgemap.export.adopt import only_outputs, static_tensors
 from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone, trained_backbone
 from edgemap.export.errors import ExportError
 from edgemap.export.floor.checkpoint import FloorCheckpoint, load_floor
-from edgemap.export.floor.features import tapped_network
 from edgemap.export.floor.merge import with_floor
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
-from edgemap.export.quantise import CalibrationPictures, add_int8, read_calibration
+from edgemap.export.quantise import add_int8, read_calibration
 from edgemap.export.torch_files import kind_of
-from edgemap.runtime.network.bundle import Bundle, load_bundle
-from edgemap.runtime.network.manifest import Manifest, OdometryHead, Parity, StateSpec
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.manifest import Manifest, OdometryHead, StateSpec
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
-from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.network.network import Compute, Tensors
 from edgemap.runtime.network.store import BUNDLE_NAME, check_place, staged
 
 OWN = "edgemap-nano", "edgemap-pico"  # detectors that were trained here and come with the package
@@ -50,17 +50,16 @@ def export_backbone(
     yolox-nano its .onnx) file; without one a known name's is fetched. heads: checkpoints of trained heads; without any,
     an untrained paper head on `feature`, where that is given. size: (width, height) in px of a Darknet input.
     random_seed: random weights instead of a file, for timing. sources: where the weights came from, for the manifest.
-    calibrate: a folder of pictures, for an int8 variant. Raises ExportError or another EdgemapError; then nothing is
-    left at `out`.
+    calibrate: a folder of pictures, for an int8 variant. The bundle is built under another name, loaded by the runtime,
+    run against its source, and renamed into place. Raises ExportError or another EdgemapError; then nothing is left,
+    and an older bundle at `out` stays.
     """
     check_place(out)
     calibration = None if calibrate is None else read_calibration(calibrate)
     floor, checkpoint = _loaded(heads, feature)
-    trained_here = is_trained(backbone)
-    adopted = is_onnx(backbone)
-    if (adopted or trained_here) and (size is not None or random_seed is not None):
+    if (is_onnx(backbone) or is_trained(backbone)) and (size is not None or random_seed is not None):
         raise ExportError(f"{backbone}: --size and --random-weights are for Darknet backbones, this file is fixed")
-    if weights is not None and (random_seed is not None or trained_here or backbone.endswith(".onnx")):
+    if weights is not None and (random_seed is not None or is_trained(backbone) or backbone.endswith(".onnx")):
         raise ExportError(f"--weights {weights}: {backbone} takes no weights file here")
     feature = checkpoint.feature if checkpoint else feature
     part = open_backbone(backbone, weights, feature, size, random_seed, sources)
@@ -90,10 +89,20 @@ def export_backbone(
         sources=part.sources,
     )
 
-    def proof(bundle: Bundle) -> dict[str, Parity]:
-        return parity.prove(bundle, part.reference, checkpoint and checkpoint.head, part.exact)
-
-    return write_bundle(out, manifest, models, proof, calibration)
+    with staged(out) as stage:
+        for name, model in models.items():
+            save_model(model, stage / name)
+        sums = {name: sha256_file(stage / name) for name in models}
+        manifest = msgspec.structs.replace(manifest, sha256=sums)
+        write_manifest(stage, manifest)
+        proof = parity.prove(load_bundle(stage), part.reference, checkpoint and checkpoint.head, part.exact)
+        write_manifest(stage, msgspec.structs.replace(manifest, parity=proof))
+        if calibration is not None:
+            add_int8(stage, calibration)
+        proven = load_bundle(stage)
+        for kind in proven.manifest.odometry:
+            proven.odometry_head(kind)
+    return out
 
 
 def _loaded(heads: Sequence[Path], feature: str | None) -> tuple[FloorCheckpoint | None, HeadCheckpoint | None]:
@@ -138,7 +147,11 @@ def is_onnx(backbone: str) -> bool:
 
 def _join(part: Backbone, floor: FloorCheckpoint) -> None:
     """Give a backbone the output of a floor head. Raises ExportError where it reads another network's features."""
-    source, before = tapped_network(part.model, _tensors(part, floor.taps)), part.reference
+    tensors, before = static_tensors(part.model), part.reference
+    if missing := [name for name in floor.taps if name not in tensors]:
+        raise ExportError(f"floor head: {part.name} has no tensor {', '.join(missing)}; it is of another network")
+    tapped = only_outputs(part.model, [tensors[name] for name in floor.taps])
+    source = open_onnxruntime(tapped.SerializeToString(), Compute())
     part.model, part.detector = with_floor(part.model, part.detector, floor.head, floor.taps)
     spec = part.detector.floor
     assert spec is not None
@@ -152,13 +165,6 @@ def _join(part: Backbone, floor: FloorCheckpoint) -> None:
         return before(picture) | {spec.name: logits.sigmoid().numpy()}
 
     part.reference = reference
-
-
-def _tensors(part: Backbone, names: Sequence[str]) -> list[Tensor4]:
-    tensors = {tensor.name: tensor for tensor in static_tensors(part.model)}
-    if missing := [name for name in names if name not in tensors]:
-        raise ExportError(f"floor head: {part.name} has no tensor {', '.join(missing)}; it is of another network")
-    return [tensors[name] for name in names]
 
 
 def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
@@ -183,35 +189,3 @@ def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
         sigma_left_m=left,
         sigma_yaw_rad=yaw,
     )
-
-
-Proof = Callable[[Bundle], dict[str, Parity]]
-
-
-def write_bundle(
-    out: Path,
-    manifest: Manifest,
-    models: dict[str, ModelProto],
-    proof: Proof,
-    calibration: CalibrationPictures | None = None,
-) -> Path:
-    """Write models and manifest to the folder `out`; the manifest's sums and parity are filled in here.
-
-    The bundle is built under another name, loaded by the runtime, run against its source by `proof`, given an int8
-    variant where there are pictures for its calibration, and renamed into place. Raises ExportError or BundleError;
-    then nothing is left and an older bundle at `out` stays.
-    """
-    with staged(out) as stage:
-        for name, model in models.items():
-            save_model(model, stage / name)
-        sums = {name: sha256_file(stage / name) for name in models}
-        manifest = msgspec.structs.replace(manifest, sha256=sums)
-        write_manifest(stage, manifest)
-        parity = proof(load_bundle(stage))
-        write_manifest(stage, msgspec.structs.replace(manifest, parity=parity))
-        if calibration is not None:
-            add_int8(stage, calibration)
-        proven = load_bundle(stage)
-        for kind in proven.manifest.odometry:
-            proven.odometry_head(kind)
-    return out

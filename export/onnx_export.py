@@ -4,7 +4,8 @@ possible."""
 import copy
 import logging
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,9 @@ import onnx
 import torch
 from onnx import ModelProto, numpy_helper
 from torch import Tensor, nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from edgemap.export.darknet import Darknet, fold_batch_norm
+from edgemap.export.darknet import Darknet
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.paper import LARGE, PaperHead, eight_bits
 from edgemap.runtime.frames.errors import BundleError
@@ -33,7 +35,9 @@ def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
     The outputs are named by the detector's heads and features in `network.outputs` order. `network` is not changed.
     """
     folded = copy.deepcopy(network).eval()
-    fold_batch_norm(folded)
+    for layer in folded.convolutions():
+        if layer.norm is not None:
+            layer.conv, layer.norm = fuse_conv_bn_eval(layer.conv.double(), layer.norm.double()).float(), None
     _fold_input_scale(folded, 1.0 / 255.0)
     names = [spec.name for spec in (*detector.heads, *detector.features)]
     example = torch.zeros(1, network.channels, network.height, network.width)
@@ -76,31 +80,35 @@ def to_onnx(
     record: DetectorSpec | OdometryHead,
 ) -> ModelProto:
     """Trace a module at the example's shapes into a checked model that carries its contract. Raises ExportError."""
-    quiet = [logging.getLogger(name) for name in ("torch.onnx", "onnxscript", "onnx_ir")]
-    levels = [logger.level for logger in quiet]
-    try:
-        for logger in quiet:
-            logger.setLevel(logging.ERROR)
-        with warnings.catch_warnings(), torch.no_grad():
-            warnings.simplefilter("ignore")
-            program = torch.onnx.export(
-                module.eval(),
-                tuple(example),
-                input_names=inputs,
-                output_names=outputs,
-                opset_version=OPSET,
-                dynamo=True,
-                verbose=False,
-            )
-    finally:
-        for logger, level in zip(quiet, levels, strict=True):
-            logger.setLevel(level)
+    with quiet(), torch.no_grad():
+        program = torch.onnx.export(
+            module.eval(),
+            tuple(example),
+            input_names=inputs,
+            output_names=outputs,
+            opset_version=OPSET,
+            dynamo=True,
+            verbose=False,
+        )
     assert program is not None
     model = program.model_proto
     model.ir_version = IR_VERSION
     _forget_tracing(model)
     _fuse_pool_padding(model)
     return seal(model, record)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Without the warnings of exporters and quantisers, which are about their own insides."""
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
 
 
 def seal(model: ModelProto, record: DetectorSpec | OdometryHead) -> ModelProto:

@@ -14,7 +14,7 @@ OPSET = 14  # the first with HardSwish; written as add, clip, multiply, divide i
 
 def is_picodet(model: ModelProto) -> bool:
     """Whether the outputs are PicoDet's: scores (1, cells, C) of four strides, then (1, cells, 32) of the same."""
-    shapes = [_shape(value) for value in model.graph.output]
+    shapes = [shape_of(value) for value in model.graph.output]
     if len(shapes) != 2 * len(STRIDES) or any(len(shape) != 3 for shape in shapes):
         return False
     scores, sides = shapes[: len(STRIDES)], shapes[len(STRIDES) :]
@@ -29,7 +29,7 @@ def trim(model: ModelProto) -> ModelProto:
     makers = {name: node for node in graph.node for name in node.output}
     heads = [_convolution_before(value.name, makers) for value in graph.output[len(STRIDES) :]]
     inferred = onnx.shape_inference.infer_shapes(model)
-    shapes = {value.name: _shape(value) for value in inferred.graph.value_info}
+    shapes = {value.name: shape_of(value) for value in inferred.graph.value_info}
     del graph.output[:]
     graph.output.extend(
         helper.make_tensor_value_info(node.output[0], onnx.TensorProto.FLOAT, shapes[node.output[0]]) for node in heads
@@ -42,9 +42,9 @@ def picodet_contract(model: ModelProto) -> tuple[InputSpec, tuple[HeadSpec, ...]
     """Input, heads and number of classes of a trimmed network: RGB, ImageNet's mean and deviation, stretched."""
     constants = {item.name for item in model.graph.initializer}
     picture = next(value for value in model.graph.input if value.name not in constants)
-    _, _, height, width = _shape(picture)
+    _, _, height, width = shape_of(picture)
     heads = tuple(
-        HeadSpec(name=value.name, shape=tuple(_shape(value)), strides=(stride,))
+        HeadSpec(name=value.name, shape=shape_of(value), strides=(stride,))
         for value, stride in zip(model.graph.output, STRIDES, strict=False)
     )
     spec = InputSpec(
@@ -84,5 +84,6 @@ def _convolution_before(name: str, makers: dict[str, NodeProto]) -> NodeProto:
     return node
 
 
-def _shape(value: onnx.ValueInfoProto) -> list[int]:
-    return [axis.dim_value for axis in value.type.tensor_type.shape.dim]
+def shape_of(value: onnx.ValueInfoProto) -> tuple[int, ...]:
+    """Shape of an input, output or tensor of a graph; 0 for a size that it leaves open."""
+    return tuple(axis.dim_value for axis in value.type.tensor_type.shape.dim)

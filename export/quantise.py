@@ -1,10 +1,9 @@
 """Static int8 quantisation of the backbone with onnxruntime: calibration pictures, quantisation, and evaluation."""
 
 import copy
-import logging
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, Q
 from edgemap.evaluation.detection import ScoredPicture, average_precision
 from edgemap.export.detector.store import evenly
 from edgemap.export.detector.validate import CONFIDENCE, NMS_IOU
-from edgemap.export.onnx_export import IR_VERSION, default_opset, save_model, seal
+from edgemap.export.onnx_export import IR_VERSION, default_opset, quiet, save_model, seal
 from edgemap.runtime.inputs.drives.drive import LabelledBoxes
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures, read_picture
 from edgemap.runtime.inputs.drives.yolo import read_yolo
@@ -74,8 +73,7 @@ def int8_report(exact: Bundle, small: Bundle, calibration: CalibrationPictures) 
     differences: dict[str, list[tuple[float, float, float]]] = {name: [] for name in exact.backbone.outputs}
     tensors = {}
     for path, truth in calibration.judged:
-        image = read_picture(path)
-        tensor, placement = preprocess(image)
+        tensor, placement = preprocess(read_picture(path))
         tensors = {spec.input.name: tensor}
         outputs = {"float32": exact.backbone.run(tensors), "int8": small.backbone.run(tensors)}
         for name, values in differences.items():
@@ -83,10 +81,10 @@ def int8_report(exact: Bundle, small: Bundle, calibration: CalibrationPictures) 
             gap = np.abs(outputs["int8"][name] - true)
             values.append((gap.max(), gap.mean(), np.abs(true).mean()))
         if truth is not None:
-            size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
+            ignored = truth.ignorable()
             for precision, pictures in scored.items():
                 found = decode(outputs[precision], placement)
-                pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, found, numbers))
+                pictures.append(ScoredPicture.compare(truth.boxes, truth.labels, ignored, found, numbers))
     report: dict[str, Any] = {
         "data": calibration.folder.name,
         "pictures_shown": len(calibration.shown),
@@ -131,7 +129,7 @@ def add_int8(folder: Path, calibration: CalibrationPictures) -> None:
     manifest = read_manifest(folder)
     detector = manifest.detector
     source = onnx.load(verified_file(folder, manifest, detector.file))
-    model = quantised(source, detector, _tensors(detector, calibration.shown))
+    model = quantised(source, detector, calibration.shown)
     save_model(seal(model, msgspec.structs.replace(detector, file=FILE)), folder / FILE)
     manifest.sha256[FILE] = sha256_file(folder / FILE)
     variant = manifest.variants["int8"] = BundleVariant(file=FILE)
@@ -140,7 +138,7 @@ def add_int8(folder: Path, calibration: CalibrationPictures) -> None:
     write_manifest(folder, manifest)
 
 
-def quantised(source: ModelProto, detector: DetectorSpec, tensors: Iterable[Tensors]) -> ModelProto:
+def quantised(source: ModelProto, detector: DetectorSpec, pictures: Iterable[Path]) -> ModelProto:
     """Quantises the convolutions of a model to 8 bits: symmetric weights per channel, unsigned activations.
 
     The range of an activation is the mean of its minimum and of its maximum over the pictures. Weights have 8 bits.
@@ -155,26 +153,21 @@ def quantised(source: ModelProto, detector: DetectorSpec, tensors: Iterable[Tens
     features = [value for value in model.graph.output if value.name not in heads]
     for value in features:  # outputs that feed 8-bit layers would be rounded; inner tensors are not
         model.graph.output.remove(value)
-    before = logging.root.manager.disable
-    logging.disable(logging.WARNING)  # it recommends a preprocessing that was already done
-    try:
-        with tempfile.TemporaryDirectory() as name:
-            path = Path(name) / FILE
-            quantize_static(
-                model,
-                path,
-                _Reader(tensors),
-                quant_format=QuantFormat.QDQ,
-                per_channel=True,
-                activation_type=QuantType.QUInt8,
-                weight_type=QuantType.QInt8,
-                nodes_to_exclude=float_nodes(model, detector),
-                calibrate_method=CalibrationMethod.MinMax,
-                extra_options={"CalibMovingAverage": True},
-            )
-            small = onnx.load(path)
-    finally:
-        logging.disable(before)
+    with quiet(), tempfile.TemporaryDirectory() as name:  # it recommends a preprocessing that was already done
+        path = Path(name) / FILE
+        quantize_static(
+            model,
+            path,
+            _Reader(detector, pictures),
+            quant_format=QuantFormat.QDQ,
+            per_channel=True,
+            activation_type=QuantType.QUInt8,
+            weight_type=QuantType.QInt8,
+            nodes_to_exclude=float_nodes(model, detector),
+            calibrate_method=CalibrationMethod.MinMax,
+            extra_options={"CalibMovingAverage": True},
+        )
+        small = onnx.load(path)
     small.graph.output.extend(features)
     small.ir_version = IR_VERSION
     return small
@@ -212,18 +205,12 @@ def _leading_to(tensors: set[str], makers: dict[str, NodeProto], until: str | No
     return found
 
 
-def _tensors(detector: DetectorSpec, pictures: Iterable[Path]) -> Iterator[Tensors]:
-    preprocess = Preprocessor(detector.input)
-    for path in pictures:
-        tensor, _ = preprocess(read_picture(path))
-        yield {detector.input.name: tensor.copy()}
-
-
 class _Reader(CalibrationDataReader):
-    """Provides calibration tensors to onnxruntime, one by one."""
+    """Provides calibration pictures to onnxruntime, one by one."""
 
-    def __init__(self, tensors: Iterable[Tensors]) -> None:
-        self._tensors = iter(tensors)
+    def __init__(self, detector: DetectorSpec, pictures: Iterable[Path]) -> None:
+        name, preprocess = detector.input.name, Preprocessor(detector.input)
+        self._tensors = ({name: preprocess(read_picture(path))[0].copy()} for path in pictures)
 
     def get_next(self) -> Tensors | None:  # type: ignore[override]
         return next(self._tensors, None)

@@ -3,7 +3,8 @@
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+import msgspec
 
 
 @dataclass(frozen=True)
@@ -20,28 +21,19 @@ class SourceArchive:
 
 @dataclass(frozen=True)
 class KnownModel:
-    """A file that `edgemap pull` can fetch. sums: SHA-256 values, any of which is right. sources: URLs and
-    archives.
-
-    confidence, sure_confidence: as in the manifest.
-    """
+    """A file that `edgemap pull` can fetch. sums: SHA-256 values, any of which is right. confidence, sure_confidence:
+    as in the manifest."""
 
     name: str
     file: str
     sums: tuple[str, ...]
     licence: str
-    sources: tuple[str | SourceArchive, ...]
+    sources: tuple[str | SourceArchive, ...] = ()
     confidence: float = 0.3
     sure_confidence: float = 0.0
 
 
-def _known(name: str, entry: dict[str, Any]) -> KnownModel:
-    urls = tuple(entry.pop("urls", ()))
-    archives = tuple(SourceArchive(**archive) for archive in entry.pop("archives", ()))
-    fields: dict[str, Any] = {**entry, "sums": tuple(entry["sums"]), "sources": urls + archives}
-    return KnownModel(name, **fields)
-
-
 KNOWN = {
-    name: _known(name, entry) for name, entry in tomllib.loads(Path(__file__).with_suffix(".toml").read_text()).items()
+    name: msgspec.convert({"name": name, **entry}, KnownModel)
+    for name, entry in tomllib.loads(Path(__file__).with_suffix(".toml").read_text()).items()
 }

@@ -142,8 +142,14 @@ class Training(ABC, Generic[N, S]):
         return (max if self.highest else min)(self.rows, key=lambda row: row[self.score])
 
     def learn(self, loss: Tensor, parts: Mapping[str, Tensor], rate: float, clip_norm: float = math.inf) -> None:
-        """One step of the optimiser and of the moving average. parts: of the loss, for the curves."""
-        self.add({name: part.detach() for name, part in parts.items()})
+        """One step of the optimiser and of the moving average. parts: of the loss, for the curves; on a GPU they are
+        read only at intervals. Raises ExportError where they are not finite."""
+        for name, part in parts.items():
+            self.sums[name] = self.sums.get(name, 0.0) + part.detach()
+        self.count += 1
+        self.steps += 1
+        if self._reads_losses() and not all(map(math.isfinite, self.sums.values())):
+            raise ExportError(f"training diverged at step {self.steps}: the loss is not finite; a lower --rate may do")
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         self.optimizer.zero_grad(set_to_none=True)
@@ -223,15 +229,6 @@ class Training(ABC, Generic[N, S]):
         kept |= {"settings": asdict(self.settings), "sums": sums}
         kept |= {"network": self.network.state_dict(), "optimizer": self.optimizer.state_dict()}
         save_whole({"format": self.resume_format, **self.state(), **kept}, self.folder / "last.pt")
-
-    def add(self, parts: Mapping[str, float | Tensor]) -> None:
-        """Adds one step's losses; on a GPU they are read only at intervals. Raises ExportError where not finite."""
-        for name, value in parts.items():
-            self.sums[name] = self.sums.get(name, 0.0) + value
-        self.count += 1
-        self.steps += 1
-        if self._reads_losses() and not all(map(math.isfinite, self.sums.values())):
-            raise ExportError(f"training diverged at step {self.steps}: the loss is not finite; a lower --rate may do")
 
     def means(self, digits: int = 5) -> dict[str, float]:
         """Mean losses since the last call."""

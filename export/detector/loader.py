@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
 from torch.utils.data import DataLoader, Dataset
 
 from edgemap.export.detector.augment import flip, mosaic, plain, recolour, single
@@ -22,21 +23,21 @@ AHEAD = 3  # batches of each process
 COMMON_SHARE = 0.3  # of pictures: a class seen in fewer is shown more often
 
 
-class Batches:
+class Batches(Dataset[tuple[Tensor, Targets]]):
     """Batches of one epoch in an order drawn from (seed, epoch): the same again after a resume, from any batch on.
 
-    mosaic_share: of pictures made of four. size: side of the square input, px; a batch is of that size or down to three
+    mosaic: share of pictures made of four. size: side of the square input, px; a batch is of that size or down to three
     quarters of it, for variety and a fifth less work. mix: share of pictures of each source, whatever it holds; empty
     for every picture once. rank, ranks: this process takes every ranks-th batch of the epoch, from `rank` on. workers:
     processes that prepare pictures; a thread would block the network through Python's global lock.
     """
 
     def __init__(
-        self, examples: Sequence[Example], size: int, batch: int, seed: int, mosaic_share: float,
+        self, examples: Sequence[Example], size: int, batch: int, seed: int, mosaic: float,
         mix: Sequence[float] = (), rank: int = 0, ranks: int = 1, workers: int = 2,
     ) -> None:  # fmt: skip
         self._examples, self._size, self._batch = examples, size, batch
-        self._seed, self._mosaic, self._mix = seed, mosaic_share, tuple(mix)
+        self._seed, self.mosaic, self._mix = seed, mosaic, tuple(mix)
         self._rank, self._ranks, self._workers = rank, ranks, workers
         sources = np.array([example.source for example in examples])
         often = rarity(examples)
@@ -54,7 +55,7 @@ class Batches:
         The processes are forked, so that they share the pictures in memory. Raises ExportError where one dies.
         """
         loader = DataLoader(
-            _Epoch(self, number), batch_size=None, sampler=range(first, len(self)), num_workers=self._workers,
+            self, None, sampler=[(number, index) for index in range(first, len(self))], num_workers=self._workers,
             multiprocessing_context="fork", prefetch_factor=AHEAD, worker_init_fn=lambda _: cv2.setNumThreads(0),
         )  # fmt: skip
         try:
@@ -62,16 +63,13 @@ class Batches:
         except RuntimeError as error:
             raise ExportError(f"a process that makes training pictures died ({one_line(error, 100)})") from None
 
-    def make(self, epoch: int, index: int) -> tuple[Tensor, Targets]:
-        """One batch of an epoch."""
-        return collate(self._pick(epoch, index))
-
-    def _pick(self, epoch: int, index: int) -> list[Example]:
-        order = self.order(epoch)
+    def __getitem__(self, at: tuple[int, int]) -> tuple[Tensor, Targets]:
+        """One batch, by epoch and index."""
+        (epoch, index), order = at, self.order(at[0])
         first = (index * self._ranks + self._rank) * self._batch
         steps = np.random.default_rng([self._seed, epoch, index, 1]).integers(self._size // (4 * GRID) + 1)
         size = self._size - GRID * int(steps)
-        return [self._one(epoch, at, order, size) for at in range(first, first + self._batch)]
+        return collate([self._one(epoch, at, order, size) for at in range(first, first + self._batch)])
 
     def order(self, epoch: int) -> NDArray[np.int64]:
         """Indices of the pictures in the order in which an epoch shows them."""
@@ -90,7 +88,7 @@ class Batches:
     def _one(self, epoch: int, position: int, order: np.ndarray, size: int) -> Example:
         generator = np.random.default_rng([self._seed, epoch, position])
         example = self._examples[order[position % len(order)]]
-        if generator.random() < self._mosaic:
+        if generator.random() < self.mosaic:
             rows, chances = self._parts[example.source], self._chances[example.source]
             others = rows[np.searchsorted(chances, generator.random(3) * chances[-1], side="right")]
             made = mosaic([example, *(self._examples[at] for at in others)], size, generator)
@@ -101,16 +99,6 @@ class Batches:
         if generator.random() < 0.5:
             made = flip(made)
         return replace(made, image=recolour(made.image, generator), complete=example.complete, kept=example.kept)
-
-
-class _Epoch(Dataset[tuple[Tensor, Targets]]):
-    """The batches of one epoch by their index."""
-
-    def __init__(self, batches: Batches, number: int) -> None:
-        self._batches, self._number = batches, number
-
-    def __getitem__(self, index: int) -> tuple[Tensor, Targets]:
-        return self._batches.make(self._number, index)
 
 
 def rarity(examples: Sequence[Example]) -> NDArray[np.float64]:
@@ -127,23 +115,20 @@ def rarity(examples: Sequence[Example]) -> NDArray[np.float64]:
 def collate(examples: Sequence[Example]) -> tuple[Tensor, Targets]:
     """Pictures of one size as one tensor, their boxes padded to the longest list."""
     images = torch.from_numpy(np.stack([example.image for example in examples])).permute(0, 3, 1, 2)
-    most = max(1, *(len(example.boxes) for example in examples))
-    shape = (len(examples), most)
     targets = Targets(
-        torch.zeros(*shape, 4),
-        torch.zeros(shape, dtype=torch.int64),
-        torch.zeros(shape, dtype=torch.bool),
-        torch.zeros(shape, dtype=torch.bool),
+        _padded([example.boxes for example in examples]),
+        _padded([example.labels for example in examples]),
+        _padded([~example.ignored() for example in examples]),
+        _padded([example.ignored() for example in examples]),
         torch.from_numpy(np.stack([example.complete for example in examples])),
         torch.from_numpy(np.stack([example.kept for example in examples])),
-        torch.zeros(shape),
+        _padded([example.certainty() for example in examples]),
     )
-    for row, example in enumerate(examples):
-        count, ignored = len(example.boxes), torch.from_numpy(example.ignored())
-        targets.boxes[row, :count] = torch.from_numpy(example.boxes)
-        targets.labels[row, :count] = torch.from_numpy(example.labels)
-        targets.valid[row, :count] = ~ignored
-        targets.ignored[row, :count] = ignored
-        targets.certainty[row, :count] = torch.from_numpy(example.certainty())
     # NHWC memory is what oneDNN's convolutions want; the permutation above gives it for free.
     return images, targets
+
+
+def _padded(columns: Sequence[NDArray]) -> Tensor:
+    """(B, G, …) of (N, …) each: zeros behind the shorter ones; one row at least."""
+    whole = [torch.from_numpy(column) for column in columns]
+    return pad_sequence([*whole, whole[0].new_zeros(1, *whole[0].shape[1:])], batch_first=True)[:-1]

@@ -26,17 +26,6 @@ from edgemap.runtime.network.store import bundle_folder
 FORMAT = "edgemap.detector/2"
 
 
-def save_detector(model: ModelProto, manifest: Manifest, path: Path) -> None:
-    """Write the graph with the facts that its bundle will hold."""
-    graph = bytearray(seal(model, manifest.detector).SerializeToString(deterministic=True))
-    document = {
-        "format": FORMAT,
-        "manifest": msgspec.json.encode(manifest).decode(),
-        "graph": torch.frombuffer(graph, dtype=torch.uint8),
-    }
-    save_whole(document, path)
-
-
 def load_detector(name: str) -> tuple[ModelProto, Manifest]:
     """The graph and manifest of a `best.pt`, or of a bundle, by name or folder; rows that it leaves open are closed.
 
@@ -110,9 +99,10 @@ class TorchNetwork(nn.Module):
         return read_heads(outputs, self.detector, (image.shape[2], image.shape[3]))
 
     def save(self, path: Path, measured: dict[str, Any]) -> None:
-        """Write `best.pt`. measured: figures of its training."""
-        manifest = msgspec.structs.replace(self.manifest, measured=measured)
-        save_detector(self.graph.model(), manifest, path)
+        """Write `best.pt`: the graph with the facts that its bundle will hold. measured: figures of its training."""
+        manifest = msgspec.json.encode(msgspec.structs.replace(self.manifest, measured=measured)).decode()
+        graph = bytearray(seal(self.graph.model(), self.detector).SerializeToString(deterministic=True))
+        save_whole({"format": FORMAT, "manifest": manifest, "graph": torch.frombuffer(graph, dtype=torch.uint8)}, path)
 
     def copy(self) -> "TorchNetwork":
         """A copy of the network with the same weights."""

@@ -62,12 +62,6 @@ def averaged(found: Sequence[Detections]) -> tuple[NDArray[np.float64], list[str
     return means, [label for label, _, _ in groups], total
 
 
-def taught_pictures(folder: Path, teach: Teacher, limit: int | None = None) -> list[tuple[Path, LabelledBoxes]]:
-    """The pictures of a folder, evenly chosen up to `limit`, each with its teachers' boxes. Raises CameraError."""
-    paths = list_pictures(folder)
-    return [(paths[at], teach(read_picture(paths[at]))) for at in evenly(len(paths), limit)]
-
-
 def evenly(count: int, limit: int | None) -> list[int]:
     """Indices of at most so many of `count`, evenly apart."""
     return np.unique(np.linspace(0, count - 1, min(limit or count, count)).astype(int)).tolist() if count else []
@@ -139,8 +133,9 @@ def load_examples(
 
 def _load(spec: str, number: dict[str, int], size: int, limit: int | None, teach: Teacher | None) -> Iterator[Example]:
     if is_unlabelled(spec):
-        for path, boxes in taught_pictures(Path(spec), teach or (lambda _: UNTAUGHT), limit):
-            yield _example(read_picture(path), boxes, number, size)
+        paths = list_pictures(Path(spec))
+        for image in (read_picture(paths[at]) for at in evenly(len(paths), limit)):
+            yield _example(image, teach(image) if teach else UNTAUGHT, number, size)
         return
     drive = open_drive(spec)
     if not drive.images:

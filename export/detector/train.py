@@ -56,27 +56,27 @@ class Trainer(Training[TorchNetwork, DetectorSettings]):
         self.train, self.validation = train, validation
         self.reference = (reference or start).copy().to(self.device).requires_grad_(False)
         self.forward = self.ranks.wrap(self.network)
+        self.batches = Batches(
+            train, settings.size or start.side, settings.batch, settings.seed, settings.mosaic, settings.mix,
+            self.ranks.rank, self.ranks.count, self._workers(),
+        )  # fmt: skip
         self.epoch, self.index = 0, 0
 
     def spent(self) -> float:
         """Epochs done."""
-        return self.epoch + self.index / self._batches()
+        return self.epoch + self.index / len(self.batches)
 
     def take_steps(self) -> Iterator[None]:
         """Epoch by epoch; without --validate-minutes validated after each. Mosaics stop before the end."""
         while self.progress() < 1.0:
-            mosaic = self.settings.mosaic if self.progress() < NO_MOSAIC else 0.0
-            loader = Batches(
-                self.train, self.settings.size or self.network.side, self.settings.batch, self.settings.seed, mosaic,
-                self.settings.mix, self.ranks.rank, self.ranks.count, self._workers(),
-            )  # fmt: skip
-            for images, targets in loader.epoch(self.epoch, self.index):
+            mosaic = self.batches.mosaic = self.settings.mosaic if self.progress() < NO_MOSAIC else 0.0
+            for images, targets in self.batches.epoch(self.epoch, self.index):
                 self.train_batch(images, targets)
                 self.index += 1
                 yield
                 if self.progress() >= 1.0 or (mosaic > 0.0 and self.progress() >= NO_MOSAIC):
                     break
-            if self.index >= self._batches():
+            if self.index >= len(self.batches):
                 self.epoch, self.index = self.epoch + 1, 0
                 if self.settings.validate_minutes is None:
                     self.validate()
@@ -89,9 +89,6 @@ class Trainer(Training[TorchNetwork, DetectorSettings]):
         """Go on at the next batch."""
         self.epoch, self.index = state["epoch"], state["index"]
         torch.set_rng_state(state["random"])
-
-    def _batches(self) -> int:
-        return max(1, len(self.train) // (self.settings.batch * self.ranks.count))
 
     def train_batch(self, images: torch.Tensor, targets: Targets) -> None:
         """One step of the optimiser on a batch."""

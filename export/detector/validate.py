@@ -33,13 +33,10 @@ def validate(network: TorchNetwork, examples: Sequence[Example]) -> dict[str, An
         pictures = torch.from_numpy(np.concatenate([tensor for tensor, _ in prepared])).to(device)
         outputs = dict(zip(network.graph.outputs, (x.cpu().numpy() for x in network.graph(pictures)), strict=True))
         for row, (example, (_, placement)) in enumerate(zip(chunk, prepared, strict=True)):
-            height, width = example.image.shape[:2]
             found = decode({name: value[row : row + 1] for name, value in outputs.items()}, placement)
             complete = example.complete[found.class_ids]
             scored.append(
                 ScoredPicture(
-                    width,
-                    height,
                     example.boxes.astype(np.float64),
                     example.labels,
                     found.boxes[complete],

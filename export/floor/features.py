@@ -2,14 +2,11 @@
 
 import copy
 import hashlib
-from collections.abc import Sequence
 
 import numpy as np
-import onnx
 from numpy.typing import NDArray
-from onnx import ModelProto
 
-from edgemap.export.adopt import Tensor4
+from edgemap.export.adopt import Tensor4, only_outputs
 from edgemap.export.detector.network import load_detector
 from edgemap.export.floor.head import STRIDES
 from edgemap.export.floor.merge import floor_taps
@@ -34,7 +31,7 @@ class Features:
         self.backbone, self.taps = manifest.name, floor_taps(model, detector)
         self.open = free_rows(model, detector) is not model
         self._preprocess, self._input = Preprocessor(detector.input), detector.input
-        self._model, self._threads = model, threads
+        self._model, self._threads = only_outputs(model, self.taps), threads
         self._networks: dict[int, Network] = {}
         described = model.SerializeToString(deterministic=True) + repr((detector.input, self.taps, self.open)).encode()
         self.key = hashlib.sha256(described).hexdigest()
@@ -47,12 +44,20 @@ class Features:
         height, whole = self._input.height, (0, self._input.height)
         first, rows = rows_of(self._input, image.shape[1], image.shape[0], STRIDES[-1]) if self.open else whole
         if rows not in self._networks:
-            self._networks[rows] = tapped_network(self._model, self.taps, self._threads, rows / height)
+            self._networks[rows] = self._network(rows)
         found = self._networks[rows].run({self._input.name: tensor[:, :, first : first + rows]})
         maps = [_filled(found[tap.name], tap, first / height) for tap in self.taps]
         computed = np.zeros((1, self.taps[-1].height), np.float32)
         computed[:, first // STRIDES[-1] : (first + rows) // STRIDES[-1]] = 1.0
         return maps, placement, computed
+
+    def _network(self, rows: int) -> Network:
+        """For that many rows of the input."""
+        model = copy.deepcopy(self._model)
+        for value in (model.graph.input[0], *model.graph.output):
+            size = value.type.tensor_type.shape.dim[2]
+            size.dim_value = size.dim_value * rows // self._input.height
+        return open_onnxruntime(model.SerializeToString(), Compute(self._threads))
 
 
 def _filled(part: Float, tap: Tensor4, above: float) -> Float:
@@ -60,15 +65,3 @@ def _filled(part: Float, tap: Tensor4, above: float) -> Float:
     first = round(above * tap.height)
     whole[:, :, first : first + part.shape[2]] = part
     return whole
-
-
-def tapped_network(model: ModelProto, taps: Sequence[Tensor4], threads: int = 1, share: float = 1.0) -> Network:
-    """A network that returns these tensors of a model, in this order. share: of its rows, where they are open."""
-    model = copy.deepcopy(model)
-    del model.graph.output[:], model.graph.value_info[:]
-    rows = model.graph.input[0].type.tensor_type.shape.dim[2]
-    rows.dim_value = round(share * rows.dim_value)
-    for tap in taps:
-        shape = (1, tap.channels, round(share * tap.height), tap.width)
-        model.graph.output.append(onnx.helper.make_tensor_value_info(tap.name, onnx.TensorProto.FLOAT, shape))
-    return open_onnxruntime(model.SerializeToString(), Compute(threads))

@@ -32,10 +32,9 @@ def floor_taps(model: ModelProto, detector: DetectorSpec) -> tuple[Tensor4, ...]
     stride.
     """
     tensors = static_tensors(model)
-    by_name = {tensor.name: tensor for tensor in tensors}
     for names in KNOWN:
-        if all(name in by_name for name in names):
-            return tuple(by_name[name] for name in names)
+        if all(name in tensors for name in names):
+            return tuple(tensors[name] for name in names)
     size = detector.input
     return tuple(find_tap(tensors, stride, size.width, size.height) for stride in STRIDES)
 
@@ -44,7 +43,7 @@ def with_floor(
     model: ModelProto, detector: DetectorSpec, head: FloorHead, taps: Sequence[str]
 ) -> tuple[ModelProto, DetectorSpec]:
     """The model with the head's probabilities as its output `floor`, and its contract. Raises ExportError."""
-    tensors = {tensor.name: tensor for tensor in static_tensors(model)}
+    tensors = static_tensors(model)
     if (found := tuple(tensors[name].channels for name in taps)) != head.channels:
         raise ExportError(f"floor head: reads features of {head.channels} channels, the network's have {found}")
     merged, graph = copy.deepcopy(model), _Emitter()

@@ -12,7 +12,6 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from edgemap.evaluation.floor import FloorScore
-from edgemap.export.adopt import Tensor4
 from edgemap.export.floor.cache import FULL, STRIDE, Pair, Records
 from edgemap.export.floor.checkpoint import FloorCheckpoint, save_floor
 from edgemap.export.floor.features import Features
@@ -46,7 +45,9 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
         credits: Sequence[str] = (),
     ) -> None:
         torch.manual_seed(settings.seed)
-        head = start or FloorHead(channels_of(features.taps), 0 if features.open else features.taps[2].height)
+        s4, s8, s16, s32 = features.taps
+        channels = s4.channels, s8.channels, s16.channels, s32.channels
+        head = start or FloorHead(channels, 0 if features.open else s16.height)
         head = head.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         super().__init__(folder, settings, head, _adam, settings.epochs)
         self._features, self._sources, self._held_back = features, sources, held_back
@@ -95,8 +96,8 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
         row["iou"] = round(float(np.mean([figures["iou"] or 0.0 for figures in rows.values()])), 4)
         if self.enter(row):
             measured = {"validation": rows, "settings": asdict(self.settings), "steps": self.steps}
-            taps = self._features.taps
-            names = (taps[0].name, taps[1].name, taps[2].name, taps[3].name)
+            s4, s8, s16, s32 = self._features.taps
+            names = s4.name, s8.name, s16.name, s32.name
             checkpoint = FloorCheckpoint(head, self._features.backbone, names, measured, self._credits)
             save_floor(checkpoint, self.folder / "best.pt")
 
@@ -116,12 +117,6 @@ def _adam(head: nn.Module) -> torch.optim.Optimizer:
 def _stacked(maps: Sequence[NDArray[Any]], mirrored: NDArray[np.bool_]) -> Tensor:
     turned = [one[..., ::-1] if turn else one for one, turn in zip(maps, mirrored, strict=True)]
     return torch.from_numpy(np.stack(turned).astype(np.float32))
-
-
-def channels_of(taps: Sequence[Tensor4]) -> tuple[int, int, int, int]:
-    """Channels of the features that a head reads."""
-    s4, s8, s16, s32 = (tap.channels for tap in taps)
-    return s4, s8, s16, s32
 
 
 def floor_loss(logits: Tensor, truth: Tensor, labelled: Tensor) -> tuple[Tensor, dict[str, Tensor]]:

@@ -3,13 +3,13 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from edgemap.evaluation.trajectory import motions
 from edgemap.export.backbones import Backbone
 from edgemap.export.errors import ExportError
 from edgemap.geometry.se2 import SE2
@@ -24,11 +24,11 @@ FORMAT = "edgemap.features/1"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureDrive:
-    """One drive, ready for training. features: (N, C, H, W) float16, on disk. poses: (N, 3) of the base."""
+    """One drive, ready for training. features: (N, C, H, W) float16, on disk. poses: N of the base."""
 
     name: str
     features: NDArray[np.float16]
-    poses: NDArray[np.float64]
+    poses: list[SE2]
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -36,8 +36,7 @@ class FeatureDrive:
     @property
     def motions(self) -> NDArray[np.float32]:
         """True motions (N - 1, 3) from each frame to the next."""
-        poses = [SE2(*pose) for pose in self.poses]
-        return np.array([(a.inverse() @ b).vector() for a, b in pairwise(poses)], dtype=np.float32)
+        return np.array([motion.vector() for motion in motions(self.poses)], dtype=np.float32)
 
 
 class FeatureStore:
@@ -70,7 +69,7 @@ class FeatureStore:
         count = min(total, total if frames is None else first + frames)
         if count - first < 2:
             raise ExportError(f"{spec}: {total} pictures, wanted are those from {first} to {count}")
-        poses = np.array([drive.truth.at(float(stamp)).vector() for stamp in drive.stamps_s[first:count]])
+        poses = [drive.truth.at(float(stamp)) for stamp in drive.stamps_s[first:count]]
         return FeatureDrive(spec, self._features(spec, drive, count)[first:], poses)
 
     def _features(self, spec: str, drive: Drive, count: int) -> NDArray[np.float16]:

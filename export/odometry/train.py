@@ -160,12 +160,7 @@ def estimate(head: PaperHead, features: NDArray[np.float16], window: int) -> lis
 
 def validate(head: PaperHead, drives: Sequence[FeatureDrive], window: int) -> dict[str, Any]:
     """Drift in per cent over the lengths that fit and RMSE of a step over all drives; `score`, equation 2, chooses."""
-    found = figures(
-        [
-            errors_of([SE2(*row) for row in drive.poses], integrated(estimate(head, drive.features, window)))
-            for drive in drives
-        ]
-    )
+    found = figures([errors_of(drive.poses, integrated(estimate(head, drive.features, window))) for drive in drives])
     drifts = {f"t{length}_percent": value for length, value in found["t_rel_percent"].items() if value is not None}
     rmse = {name: found[name] for name in ("rmse_forward_m", "rmse_left_m", "rmse_yaw_rad")}
     forward, left, yaw = rmse.values()

@@ -11,7 +11,7 @@ from support.painted import with_floor, write_painted
 from support.pictures import noise
 
 from edgemap.benchmarks.paper_page import page
-from edgemap.benchmarks.paper_tables import TableOptions, main, measure
+from edgemap.benchmarks.paper_tables import main, measure
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
@@ -114,7 +114,7 @@ def test_rooms_and_roads_have_means_of_their_own(measured):
 
 def test_an_untrained_head_is_a_dash_with_its_reason_and_files_are_written(drives, tmp_path, capsys):
     bundle = painted(tmp_path / "b", False)
-    main(TableOptions(data=(drives["two"], "demo"), bundle=str(bundle), frames=10, threads=1, out=tmp_path / "out"))
+    main(data=(drives["two"], "demo"), bundle=str(bundle), frames=10, threads=1, out=tmp_path / "out")
     text = (tmp_path / "out" / "paper_tables.md").read_text()
     assert "- paper head: the bundle's paper head is untrained." in text
     assert re.search(r"\| demo \| [\d.]+ \| – \|", text)
@@ -126,4 +126,4 @@ def test_an_untrained_head_is_a_dash_with_its_reason_and_files_are_written(drive
 def test_without_data_the_program_ends_with_a_line(tmp_path):
     bundle = painted(tmp_path / "b", False)
     with pytest.raises(SystemExit, match="expected A:B"):
-        main(TableOptions(bundle=str(bundle), out=tmp_path))
+        main(bundle=str(bundle), out=tmp_path)

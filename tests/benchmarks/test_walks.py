@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from edgemap.benchmarks import figures, score
-from edgemap.benchmarks.score import ScoreOptions, main, paired, read_csv
-from edgemap.benchmarks.walks import WalksOptions, summary, table, walk, walk_errors
+from edgemap.benchmarks.score import main, paired, read_csv
+from edgemap.benchmarks.walks import summary, table, walk, walk_errors
 from edgemap.evaluation.objects import TrueObject
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.se2 import SE2
@@ -17,6 +17,7 @@ from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.slam import SlamOptions
 
 
 def test_a_walk_that_is_a_tenth_too_long():
@@ -54,7 +55,7 @@ def test_a_real_walk(shared_data):
     spec = f"c2w:{folder}"
     drive = open_drive(spec)
     assert len(drive.depth) == len(drive.images) == 90
-    found = walk(drive, load_bundle(bundle_folder("edgemap-pico")), Config(), WalksOptions((spec,), frames=30))
+    found = walk(drive, load_bundle(bundle_folder("edgemap-pico")), Config(), SlamOptions(), 30)
     assert found["lost"] == 0
     assert (found["t_rel_1"] or math.inf) < 15.0
     assert found["t_rel_5"] is None  # so far it does not go
@@ -73,7 +74,7 @@ def test_a_table_of_labels_and_places_is_enough(tmp_path, monkeypatch, capsys):
         (tmp_path / "homes" / home / "objects.json").write_text("[]")
     (tmp_path / "maps").mkdir()
     (tmp_path / "maps" / "1.csv").write_text("label,x_m,y_m\nchair,1.1,2.0\nbed,3.0,0.6\n")
-    main(ScoreOptions(tmp_path / "maps", tmp_path / "homes", json=True))
+    main(tmp_path / "maps", tmp_path / "homes", json=True)
     found = json.loads(capsys.readouterr().out)
     assert [row["f1"] for row in found["homes"]] == [0.5, 0.0]  # the bed is 0.6 m off, home 2 has no map
     assert found["total"]["f1"] == 0.25
@@ -106,7 +107,7 @@ def test_footprints_of_a_table_are_scored(tmp_path, monkeypatch, capsys):
     table = tmp_path / "map.csv"
     for yaw, mean_iou, error in ((0.0, 1.0, 0.0), (1.5708, 0.33, 90.0)):
         table.write_text(f"label,x_m,y_m,width_m,depth_m,yaw_rad\nbed,3.0,0.0,2.0,1.0,{yaw}\n")
-        main(ScoreOptions(table, tmp_path, json=True))
+        main(table, tmp_path, json=True)
         (row,) = json.loads(capsys.readouterr().out)["homes"]
         assert row["footprint"]["mean_iou"] == pytest.approx(mean_iou, abs=0.03)
         assert row["footprint"]["yaw_error_deg"] == pytest.approx(error, abs=0.1)

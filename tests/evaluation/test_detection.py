@@ -19,7 +19,7 @@ TRUE = np.array([[10.0, 10.0, 50.0, 50.0], [60.0, 60.0, 90.0, 90.0]])
 
 def picture(boxes, labels, scores, true=TRUE, true_labels=(0, 0)):
     return ScoredPicture(
-        100, 100, true, np.array(true_labels), np.array(boxes, float).reshape(-1, 4), np.array(labels, int),
+        true, np.array(true_labels), np.array(boxes, float).reshape(-1, 4), np.array(labels, int),
         np.array(scores),
     )  # fmt: skip
 
@@ -54,16 +54,16 @@ def test_pictures_without_true_boxes_are_an_error():
 def test_an_ignored_box_is_neither_right_nor_wrong():
     # Half of the truth is ignored: finding the other half is perfect, and boxes on the ignored one cost nothing.
     half = np.array([False, True])
-    one = ScoredPicture(100, 100, TRUE, np.array([0, 0]), TRUE[:1], np.array([0]), np.array([0.5]), half)
-    both = ScoredPicture(100, 100, TRUE, np.array([0, 0]), TRUE[::-1], np.array([0, 0]), np.array([0.9, 0.5]), half)
+    one = ScoredPicture(TRUE, np.array([0, 0]), TRUE[:1], np.array([0]), np.array([0.5]), half)
+    both = ScoredPicture(TRUE, np.array([0, 0]), TRUE[::-1], np.array([0, 0]), np.array([0.9, 0.5]), half)
     for case in (one, both):
         figures = average_precision([case], NAMES)
         assert (figures["ap50"], figures["boxes_true"], figures["boxes_ignored"]) == (1.0, 1, 1)
-    nobody = ScoredPicture(100, 100, TRUE, np.array([0, 0]), TRUE, np.array([0, 0]), np.array([0.9, 0.5]), ~half | half)
+    nobody = ScoredPicture(TRUE, np.array([0, 0]), TRUE, np.array([0, 0]), np.array([0.9, 0.5]), ~half | half)
     with pytest.raises(EvaluationError, match="no true boxes"):
         average_precision([nobody], NAMES)
     seen = ScoredPicture(
-        100, 100, TRUE, np.array([0, 0]), np.array([[60.0, 60, 80, 80]]), np.array([0]), np.array([0.9]),
+        TRUE, np.array([0, 0]), np.array([[60.0, 60, 80, 80]]), np.array([0]), np.array([0.9]),
         np.array([False, True]),
     )  # fmt: skip
     point = operating_point([seen], NAMES)
@@ -73,8 +73,7 @@ def test_an_ignored_box_is_neither_right_nor_wrong():
 def test_only_classes_that_are_asked_for_are_compared():
     """Of two true boxes and two found ones, the chair of each; the ignored mark goes along."""
     found = Detections(TRUE, np.array([0.9, 0.8]), np.array([1, 0]), NAMES)
-    one = ScoredPicture.compare((100, 80), TRUE, ("lamp", "chair"), np.array([False, True]), found, {"chair": 0})
-    assert (one.width, one.height) == (100, 80)
+    one = ScoredPicture.compare(TRUE, ("lamp", "chair"), np.array([False, True]), found, {"chair": 0})
     np.testing.assert_array_equal(one.true_boxes, TRUE[1:])
     np.testing.assert_array_equal(one.boxes, TRUE[1:])
     assert (one.true_labels.tolist(), one.labels.tolist(), one.scores.tolist()) == ([0], [0], [0.8])
@@ -133,7 +132,7 @@ def pictured(true, found, ignored=()):
 
     mask = np.array([index in ignored for index in range(len(true))], dtype=bool)
     scores = np.array([row[2] for row in found])
-    return ScoredPicture(100, 100, boxes(true), labels(true), boxes(found), labels(found), scores, mask)
+    return ScoredPicture(boxes(true), labels(true), boxes(found), labels(found), scores, mask)
 
 
 def chairs(*pictures):

@@ -84,7 +84,7 @@ def write_small(folder: Path) -> tuple[Path, Path]:
 
     cfg, weights = folder / "small.cfg", folder / "small.weights"
     cfg.write_text(SMALL_CFG)
-    network = Darknet.from_cfg(cfg)
+    network = Darknet(cfg)
     random_weights(network, seed=3)
     save_weights(network, weights, seen=77)
     return cfg, weights

@@ -22,7 +22,7 @@ refusal = partial(refused, ExportError)
 def unfilled(cfg, **options):
     """The network without values for its weights, which take seconds to draw."""
     with torch.device("meta"):
-        return Darknet.from_cfg(cfg, **options)
+        return Darknet(cfg, **options)
 
 
 def test_values_shapes_and_anchors_of_the_public_networks():
@@ -48,14 +48,14 @@ def test_generated_plans_equal_the_published_ones(shared_data, name, text):
 
 
 def test_a_network_with_groups_dropout_and_shortcuts(shared_data):
-    network = Darknet.from_cfg(shared_data / "weights" / "yolo-fastest-1.1-xl.cfg")
+    network = Darknet(shared_data / "weights" / "yolo-fastest-1.1-xl.cfg")
     assert value_count(network) == 923_486
     load_weights(network, shared_data / "weights" / "yolo-fastest-1.1-xl.weights")
     assert [head.shape for head in network.heads] == [(255, 10, 10), (255, 20, 20)]
 
 
 def test_every_value_of_the_file_lands_in_its_place(tmp_path, small_cfg):
-    network = Darknet.from_cfg(small_cfg)
+    network = Darknet(small_cfg)
     header = np.array([0, 2, 5], "<i4").tobytes() + np.array([1 << 40], "<u8").tobytes()
     (tmp_path / "w").write_bytes(header + np.arange(SMALL_VALUES, dtype="<f4").tobytes())
     assert load_weights(network, tmp_path / "w") == 1 << 40
@@ -75,7 +75,7 @@ def test_every_value_of_the_file_lands_in_its_place(tmp_path, small_cfg):
 def test_short_and_long_files_are_refused_with_both_counts(small_cfg, small_weights, change, words):
     data = small_weights.read_bytes()
     small_weights.write_bytes(data[:change] if change < 0 else data + bytes(change))
-    text = refusal(load_weights, Darknet.from_cfg(small_cfg), small_weights)
+    text = refusal(load_weights, Darknet(small_cfg), small_weights)
     assert f"too {'short' if change < 0 else 'long'}" in text
     assert "expected 659 float32 values" in text
     assert words in text
@@ -113,7 +113,7 @@ def test_a_cfg_that_is_wrong_says_where(small_cfg, old, new, words):
     text = small_cfg.read_text()
     assert old in text
     small_cfg.write_text(text.replace(old, new, 1))
-    assert words in refusal(Darknet.from_cfg, small_cfg)
+    assert words in refusal(Darknet, small_cfg)
 
 
 HEAD = "[convolutional]\nfilters=6\nsize=1\nactivation=linear\n[yolo]\nmask=0\nanchors=1,1\nclasses=1\n"
@@ -121,16 +121,16 @@ HEAD = "[convolutional]\nfilters=6\nsize=1\nactivation=linear\n[yolo]\nmask=0\na
 
 def test_routes_join_and_split_channels():
     net = "[net]\nwidth=4\nheight=4\nchannels=4\n[route]\nlayers=-1\n"
-    assert "this is layer 0" in refusal(Darknet.from_cfg, net + HEAD)
+    assert "this is layer 0" in refusal(Darknet, net + HEAD)
     start = "[net]\nwidth=4\nheight=4\nchannels=4\n[convolutional]\nfilters=4\nsize=1\nactivation=linear\n"
-    network = Darknet.from_cfg(start + "[route]\nlayers=-1\ngroups=2\ngroup_id=1\n[route]\nlayers=-1,0\n" + HEAD).eval()
+    network = Darknet(start + "[route]\nlayers=-1\ngroups=2\ngroup_id=1\n[route]\nlayers=-1,0\n" + HEAD).eval()
     assert [shape[0] for shape in network.shapes] == [4, 2, 6, 6, 6]
     network.outputs = (0, 2)
     with torch.no_grad():
         first, joined = network(torch.rand(1, 4, 4, 4))
     torch.testing.assert_close(joined, torch.cat([first[:, 2:], first], dim=1))
     uneven = start + "[maxpool]\nsize=2\nstride=2\n[route]\nlayers=0,1\n" + HEAD
-    assert "different sizes (0: 4x4, 1: 2x2)" in refusal(Darknet.from_cfg, uneven)
+    assert "different sizes (0: 4x4, 1: 2x2)" in refusal(Darknet, uneven)
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_maxpool_pads_as_darknet_does(size, stride, cells):
                     if 0 <= row < cells and 0 <= column < cells:
                         expected[i, j] = max(expected[i, j], image[row, column])
     net = f"[net]\nwidth={cells}\nheight={cells}\nchannels=1\n[maxpool]\nsize={size}\nstride={stride}\n"
-    network = Darknet.from_cfg(net + HEAD).eval()
+    network = Darknet(net + HEAD).eval()
     assert network.shapes[0] == (1, count, count)
     network.outputs = (0,)
     (found,) = network(torch.from_numpy(image)[None, None])
@@ -160,7 +160,7 @@ def test_maxpool_pads_as_darknet_does(size, stride, cells):
 
 def test_yolov3_tiny_sees_the_dog(shared_data):
     """The real weights on a real picture, decoded by hand: the strongest cell of the coarse head says dog."""
-    network = Darknet.from_cfg(yolov3_tiny()).eval()
+    network = Darknet(yolov3_tiny()).eval()
     load_weights(network, shared_data / "weights" / "yolov3-tiny.weights")
     picture = cv2.imread(str(shared_data / "pictures" / "dog.jpg"))
     picture = cv2.resize(picture[..., ::-1], (416, 416))

@@ -98,13 +98,13 @@ def test_sources_are_tried_in_turn_and_the_mirror_is_read_from_an_archive(server
     page = f'<html><a href="../../files/toy-0.1.tar.gz#sha256={sha256(data).hexdigest()}">toy-0.1.tar.gz</a></html>'
     server.files |= {"/simple/toy/": page.encode(), "/files/toy-0.1.tar.gz": data}
     monkeypatch.setenv("PIP_INDEX_URL", server.url("/simple"))
-    path, sources = obtain(model(server.url("/gone"), ARCHIVE), progress=False)
+    path, sources = obtain(model(server.url("/gone"), ARCHIVE))
     assert path.read_bytes() == DATA
     assert sources == (f"package index, toy 0.1, toy/data/w.bin sha256 {SUM}",)
     assert server.asked == ["/gone", "/simple/toy/", "/files/toy-0.1.tar.gz"]
     assert sorted(p.name for p in path.parent.iterdir()) == ["w.bin"]
     server.asked.clear()
-    assert obtain(model(ARCHIVE), progress=False)[0] == path  # from the cache
+    assert obtain(model(ARCHIVE))[0] == path  # from the cache
     assert server.asked == []
 
 
@@ -120,7 +120,7 @@ def test_a_bad_archive_is_refused(server, cache, monkeypatch, archive, words):
     page = f'<a href="/a.tar.gz#sha256={sha256(archive).hexdigest()}">toy-0.1.tar.gz</a>'
     server.files |= {"/simple/toy/": page.encode(), "/a.tar.gz": archive}
     monkeypatch.setenv("PIP_INDEX_URL", server.url("/simple/"))
-    text = refusal(obtain, model(ARCHIVE), progress=False)
+    text = refusal(obtain, model(ARCHIVE))
     assert words in text
     assert len(text.splitlines()) == 1
     assert text.endswith("; with the file at hand: edgemap pull toy --from FILE")
@@ -154,7 +154,7 @@ def test_a_file_of_the_users_own_is_checked_too(server, cache, tmp_path, monkeyp
     assert "no such file" in refusal(obtain, model(), str(tmp_path / "none"))
     server.files["/w"] = DATA
     path.unlink()
-    assert obtain(model(), server.url("/w"), progress=False)[0].read_bytes() == DATA
+    assert obtain(model(), server.url("/w"))[0].read_bytes() == DATA
 
 
 def test_sums_of_the_known_models(shared_data):

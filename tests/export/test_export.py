@@ -42,7 +42,7 @@ def test_manifest_of_a_small_network(small):
 
 
 def test_backbone_takes_raw_pictures_and_equals_darknet_on_scaled_ones(small, small_cfg, small_weights):
-    network = Darknet.from_cfg(small_cfg).eval()
+    network = Darknet(small_cfg).eval()
     load_weights(network, small_weights)
     picture = np.random.default_rng(5).integers(0, 256, (1, 3, 32, 32)).astype(np.float32)
     with torch.no_grad():

@@ -66,8 +66,8 @@ def test_a_damaged_network_in_a_bundle_and_to_adopt(tiny, tmp_path, data):
 def test_a_damaged_darknet_network(cfg, tmp_path, data):
     path = tmp_path / "a.cfg"
     path.write_bytes(data.draw(mutated_rows(cfg)))
-    refused_or(Darknet.from_cfg, path)
-    network = Darknet.from_cfg(cfg)
+    refused_or(Darknet, path)
+    network = Darknet(cfg)
     random_weights(network)
     save_weights(network, tmp_path / "a.weights")
     weights = (tmp_path / "a.weights").read_bytes()
