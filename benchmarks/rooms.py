@@ -170,15 +170,20 @@ def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) ->
     return {**facts, "maps": maps}
 
 
+def seeds_of(text: str) -> range:
+    """The seeds A:B, from A up to, not including, B. Ends the program with one line for any other text."""
+    first, colon, end = text.partition(":")
+    if not (colon and first.isdecimal() and end.isdecimal()):
+        sys.exit(f"--seeds {text}: expected A:B")
+    return range(int(first), int(end))
+
+
 def rendered(seeds: str, frames: int, out: Path) -> Iterator[Path]:
     """Drives in `out` through the homes of the seeds A:B, rendered one by one where they are missing.
 
     Ends the program with the command's own line where `edgemap simulate` fails, or the seeds are not A:B.
     """
-    first, colon, end = seeds.partition(":")
-    if not (colon and first.isdecimal() and end.isdecimal()):
-        sys.exit(f"--seeds {seeds}: expected A:B")
-    for seed in range(int(first), int(end)):
+    for seed in seeds_of(seeds):
         drive, options = out / str(seed), ["--seed", str(seed), "--frames", str(frames)]
         command = [sys.executable, "-m", "edgemap.cli", "simulate", *options, "-o", str(drive)]
         if (done := subprocess.run(command, capture_output=True, text=True)).returncode:

@@ -19,7 +19,7 @@ import numpy as np
 import tyro
 
 from edgemap.benchmarks.map_variants import room_figures, true_objects, true_plan
-from edgemap.benchmarks.rooms import drives_in, number
+from edgemap.benchmarks.rooms import drives_in, number, seeds_of
 from edgemap.evaluation.footprints import score_footprints
 from edgemap.evaluation.grid import score_grid
 from edgemap.evaluation.objects import score_map
@@ -92,11 +92,11 @@ def scored_home(found: Path | None, home: Path, frames: int) -> dict[str, Any]:
 
 def homes_of(homes: Path, seeds: str) -> list[Path]:
     """A home, or those of a folder. seeds: A:B, or empty for all."""
-    first, _, end = seeds.partition(":")
     found = drives_in((homes,))
-    return (
-        [home for home in found if home.name.isdecimal() and int(first) <= int(home.name) < int(end)] if end else found
-    )
+    if not seeds:
+        return found
+    wanted = seeds_of(seeds)
+    return [home for home in found if home.name.isdecimal() and int(home.name) in wanted]
 
 
 def paired(maps: Path, homes: Path, seeds: str = "") -> list[tuple[Path | None, Path]]:
