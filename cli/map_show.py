@@ -119,7 +119,8 @@ def _print_lines(answers: Answers) -> None:
         x_m, y_m = item.position_m
         away = "" if distance_m is None else f"  {distance_m:6.2f} m away"
         seen = f"seen {item.count} times{away}" + ("  doubtful" if is_doubtful(item) else "")
-        print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_of(item):.2f} m  {seen}")
+        named = f"  {item.name}" if item.name else ""
+        print(printable(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_of(item):.2f} m  {seen}{named}"))
 
 
 def _print_rooms(areas: Areas) -> None:

@@ -74,7 +74,7 @@ class RunSummary(Sink):
         carried = self._carried or bool(camera and camera.attitude and camera.attitude.carried)
         shown, why = (observed or self.height) and not carried, shlex.quote(f"{folder}/")
         lines = [
-            f"map of {len(self.objects)} objects saved in {folder}/",
+            f"map of {len(self.objects)} object{'s' if len(self.objects) != 1 else ''} saved in {folder}/",
             f"{'stopped' if stopped else 'done'} after {done} frames, {travelled_m:.1f} m travelled",
             printable(verdict.line) + ("" if verdict.level == "good" else f"; see edgemap why {why}"),
             *([mount_text(self._mount, observed, self.height, self._mount_sources)] if shown else []),

@@ -82,4 +82,4 @@ def _print_saved(place: Path, identity: "MapIdentity | None") -> None:
     for reason in identity.reasons:
         print(f"   seen: {reason}")
     if identity.reasons:
-        print("   do:   see edgemap why RUN, with the folder of that run")
+        print("   do:   see edgemap why RUN, with the folder of that run; merged and scaled maps keep its verdict")

@@ -64,4 +64,5 @@ class DepthScale:
             return None
         self.wrong = True
         found = f"{ratio * self._stated_m:.2f} m below the lens, {ratio:.2f} of the {self._stated_m:.2f} m stated"
-        return Fault(FaultKind.DEPTH_EXCLUDED, f"depth: its floor lies {found}: left out (which unit is it in?)")
+        text = f"depth: its floor lies {found}: left out (another unit, or another height of the lens?)"
+        return Fault(FaultKind.DEPTH_EXCLUDED, text)

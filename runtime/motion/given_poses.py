@@ -23,7 +23,7 @@ from edgemap.runtime.frames.spatial_poses import (
     poses_of,
 )
 from edgemap.runtime.frames.tables import Column, NumberTable
-from edgemap.runtime.frames.trajectory import EDGE_S, TUM, AttitudeTrack, PoseTrack, Trajectory, tum_rows
+from edgemap.runtime.frames.trajectory import EDGE_S, FASTEST_M_S, TUM, AttitudeTrack, PoseTrack, Trajectory, tum_rows
 
 # ORB-SLAM3 writes nanoseconds.
 TUM_OF_OTHERS = NumberTable((Column("stamp", -1e19, 1e19), *TUM.columns[1:]), samples=True)
@@ -46,8 +46,11 @@ class GivenPoses:
     start: SE2 | None = None
 
     def attitude(self, stamp_s: float) -> Attitude | None:
-        """The camera's attitude; None where the poses are planar."""
-        return self.attitudes and self.attitudes.at(stamp_s, self.height_m)
+        """The camera's attitude; None where the poses are planar, or do not reach."""
+        track = self.attitudes
+        if track is None or not track.stamps_s[0] - EDGE_S <= stamp_s <= track.stamps_s[-1] + EDGE_S:
+            return None
+        return track.at(stamp_s, self.height_m)
 
     def correction(self, stamp_s: float) -> Callable[[float], SE2 | None] | None:  # noqa: ARG002
         """Called at each frame: all poses so far in the map, by stamp, where a live source has corrected them."""
@@ -90,20 +93,34 @@ class _Reading:
 
 
 def read_given(path: Path, mount: Mount, frame: str | None = None) -> GivenPoses:
-    """Reads FILE.tum; its stamps are the file's until `by_clock`. frame: base or camera, whose poses they are; None: by
-    the motion. Raises OdometryError with the line number, or where stamps do not increase."""
+    """Reads FILE.tum; its stamps are the file's until `by_clock`, lengths too fast for metres are in millimetres.
+
+    frame: base or camera, whose poses they are; None: by the motion. Raises OdometryError with the line number, or
+    where stamps do not increase.
+    """
     rows = tum_rows(read_bytes(path, OdometryError), str(path), OdometryError, TUM_OF_OTHERS)
+    if millimetres := _too_fast(rows):
+        rows[:, 1:4] /= 1000.0
     frames = [frame] if frame else [BASE, CAMERA]
     readings = [_read(rows, mount, one, w_first) for w_first in (False, True) for one in frames]
     enough = max(one.score for one in readings) - CLEARLY
     best = next(one for one in readings if one.score >= enough)
-    read_as = ["its quaternions have w first"] if best.w_first else []
+    read_as = ["its lengths are in millimetres"] if millimetres else []
+    read_as += ["its quaternions have w first"] if best.w_first else []
     read_as += ["it holds poses of the camera's optical axes"] if best.frame not in frames[:1] else []
     try:
         planar, attitudes = _of_base(best, rows[:, 0], mount)
         return GivenPoses(Trajectory(rows[:, 0], planar), attitudes, mount.height_m, tuple(read_as))
     except (OdometryError, CameraError) as error:
         raise OdometryError(f"{path}: {error}") from None
+
+
+def _too_fast(rows: Array) -> bool:
+    """Whether poses in metres would move faster than any camera of ours."""
+    steps = np.diff(rows[:, :4], axis=0)
+    span, period = (float(of(steps[:, 0])) if len(steps) else 0.0 for of in (np.sum, np.median))
+    per_s = next((per_s for per_s in UNITS.values() if period / per_s <= PERIODS_S[1]), 1.0)
+    return float(np.linalg.norm(steps[:, 1:], axis=1).sum()) > FASTEST_M_S * span / per_s > 0.0
 
 
 def _of_base(read: _Reading, stamps_s: Array, mount: Mount) -> tuple[tuple[SE2, ...], AttitudeTrack | None]:

@@ -108,5 +108,7 @@ def _merged(defaults: dict[str, Any], values: Any, where: str, unknown: list[tup
             raise ConfigError(f"{here} is {value}, not a finite number")
         else:
             part = defaults[key]
+            if isinstance(value, int | float) and isinstance(part, int | float) and value < 0 <= part:
+                raise ConfigError(f"{here} is {value}: must not be negative")
             merged[key] = _merged(part, value, here, unknown) if isinstance(part, dict) else value
     return merged

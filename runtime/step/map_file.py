@@ -202,7 +202,12 @@ def load_annotated_map(path: Path) -> tuple[list[MapObject], Annotations]:
     and positive, repeated ids.
     """
     path = map_path(path)
-    return read_map(read_bytes(path, MapError), str(path))
+    before = path.with_suffix(".before.json")
+    try:
+        return read_map(read_bytes(path, MapError), str(path))
+    except MapError as error:
+        hint = f"; {before} is that of the run before" if before.is_file() else ""
+        raise MapError(f"{error}{hint}") from None
 
 
 def map_path(path: Path) -> Path:

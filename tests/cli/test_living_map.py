@@ -98,6 +98,11 @@ def test_an_unreliable_run_saves_beside_a_better_map(tmp_path, before):
     labels = lambda name: [item.label for item in load_annotated_map(tmp_path / name)[0]]  # noqa: E731
     assert labels("map.json") == ["chair", "couch"]
     assert labels("map.before.json") == ["bed"]
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "map.json").write_text(text[:-9])
+    (tmp_path / "b" / "map.before.json").write_text(text)
+    with pytest.raises(MapError, match=r"truncated.*map\.before\.json is that of the run before"):
+        load_annotated_map(tmp_path / "b")
     verdicts.append("unreliable")
     steps.into(sink, 12)
     if before == "unreliable":

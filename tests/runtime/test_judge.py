@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.drives import drive, exact, round_trip
 
+from edgemap.benchmarks.map_variants import replayed
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
@@ -18,13 +20,21 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.given_poses import read_given
 from edgemap.runtime.motion.judge import MotionJudge, path_of
+from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.motion.trust import TrustRule
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.slam import SlamOptions
 
 MOUNT = Mount.from_degrees(0.6, 11.5, forward_m=0.15)
 STAMPS_S = np.arange(0.0, 20.0, 0.1)
@@ -81,8 +91,9 @@ def written(path: Path, poses: Array, stamps: Array = STAMPS_S, w_first: bool = 
 
 
 @pytest.mark.parametrize("w_first", [False, True])
+@pytest.mark.parametrize("unit_m", [1.0, 0.001])
 @pytest.mark.parametrize("kind", ["base", "camera, z up", "first camera"])
-def test_axes_order_and_unit_of_a_file_are_found_out(tmp_path: Path, kind: str, w_first: bool) -> None:
+def test_axes_order_and_units_of_a_file_are_found_out(tmp_path: Path, kind: str, unit_m: float, w_first: bool) -> None:
     true = driven(np.random.default_rng(1))
     poses = np.tile(np.eye(4), (len(true), 1, 1))
     poses[:, :3, :3] = Rotation.from_rotvec(np.outer(true[:, 2], [0.0, 0.0, 1.0])).as_matrix()
@@ -91,8 +102,9 @@ def test_axes_order_and_unit_of_a_file_are_found_out(tmp_path: Path, kind: str, 
     lens[:3, :3], lens[:3, 3] = MOUNT.rotation_base_optical(), MOUNT.position_base_m()
     poses = poses if kind == "base" else poses @ lens
     poses = np.linalg.inv(poses[0]) @ poses if kind == "first camera" else poses
+    poses[:, :3, 3] /= unit_m
     given = read_given(written(tmp_path / "a.tum", poses, 1000.0 * STAMPS_S, w_first), MOUNT).by_clock("a", 0.0, 19.9)
-    assert len(given.read_as) == 1 + w_first + (kind != "base")
+    assert len(given.read_as) == 1 + w_first + (kind != "base") + (unit_m < 1.0)
     places = [(pose.x_m, pose.y_m) for pose in given.trajectory.poses]
     np.testing.assert_allclose(places, SE2(*true[0]).inverse().apply(true[:, :2]), atol=1e-4)
     np.testing.assert_allclose(given.trajectory.stamps_s, STAMPS_S)
@@ -183,3 +195,18 @@ def test_the_map_moves_to_the_camera_s_path_where_given_poses_have_proved_wrong(
     for label, x_m, y_m in room:
         np.testing.assert_allclose(places[label], poses[0].inverse().apply(np.array([x_m, y_m])), atol=0.25)
     assert len(objects) == len(places)
+
+
+def test_where_a_file_ends_the_camera_goes_on(tmp_path: Path) -> None:
+    drive, motions = open_drive(f"drive:{DEMO}"), list[Motion]()
+    rows = [row for row in (DEMO / "poses.tum").read_text().splitlines(True) if not row.startswith("#")]
+    (tmp_path / "a.tum").write_text("".join(rows[:30]))
+    how, bundle = SlamOptions(str(tmp_path / "a.tum"), wheels=False), load_bundle(bundle_folder("edgemap-nano"))
+    replayed(drive, bundle, {"own": how}, 60, Config(), lambda _, result: motions.append(result.motion))
+    assert all(motion.measured for motion in motions[1:])
+    ends = [(at, fault.kind) for at, motion in enumerate(motions) for fault in motion.faults]
+    assert ends == [(31, FaultKind.POSES)]  # once; 0.15 s beyond the end still count as it
+    assert drive.truth is not None
+    true = drive.truth.poses[29].inverse() @ drive.truth.poses[59]
+    moved = reduce(SE2.__matmul__, (motion.motion for motion in motions[30:]))
+    assert (moved.inverse() @ true).is_within(0.1)

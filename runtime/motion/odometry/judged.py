@@ -11,8 +11,10 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.frames.trajectory import PoseTrack, Trajectory
 from edgemap.runtime.motion.given_poses import GivenPoses
+from edgemap.runtime.motion.health import REPEATED_S
 from edgemap.runtime.motion.judge import MotionJudge, path_of
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
@@ -24,7 +26,7 @@ OpenPoses = Callable[[float], tuple[RecordedOdometry, GivenPoses | None]]
 
 
 class JudgedOdometry:
-    """The external motion, until the camera's contradicts it; from then on the camera's.
+    """The external motion; the camera's where that measures none, and for good once it contradicts it.
 
     The map's latest poses become the camera's then. kind: of the fault that leaves the source out. start: the first
     frame's pose in the source's map; None where that begins there.
@@ -44,7 +46,7 @@ class JudgedOdometry:
         self.name, self._open, self._camera, self._judge, self._kind = name, open_poses, camera, judge, kind
         self.start = start
         self._opened: tuple[RecordedOdometry, GivenPoses | None] | None = None
-        self._wrong, self._news = False, list[Fault]()
+        self._wrong, self._news, self._gaps = False, list[Fault](), StreamTimer(REPEATED_S)
         self._last_s = -math.inf
         self._path = deque[tuple[float, SE2]]()  # the camera's, as long as the judge looks back
 
@@ -99,7 +101,12 @@ class JudgedOdometry:
 
     def _chosen(self, given: Motion, seen: Motion, stamp_s: float) -> Motion:
         """The motion that is used, with what there is to report."""
-        motion, news, self._news = seen if self._wrong else given, tuple(self._news), []
+        news, self._news = tuple(self._news), []
+        motion = seen if self._wrong else given
+        if not given.blind:
+            self._gaps.done()
+        elif not self._wrong and (seen.measured or seen.blind):
+            motion = replace(seen, faults=(*seen.faults, *(given.faults if self._gaps.due(stamp_s) else ())))
         excluded = any(fault.kind is self._kind for fault in news)
         self._path.append((stamp_s, self._path[-1][1] @ seen.motion if self._path else SE2()))
         while self._path[0][0] < stamp_s - self._judge.reach_s:
