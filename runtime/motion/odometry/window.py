@@ -135,7 +135,7 @@ class WindowOdometry:
             if first:
                 self._coasting.begin(frame.stamp_s)
                 return first_motion()
-            fault = Fault(FaultKind.ODOMETRY, f"window odometry: started again at {frame.stamp_s:.3f} s")
+            fault = Fault(FaultKind.ODOMETRY, f"camera odometry: started again at {frame.stamp_s:.3f} s")
             return self._coasting.guess(frame.stamp_s, fault)
         factors = self._factors(prior.attitude, gyro)
         if dt_s > LONGEST_DT_S:
@@ -257,7 +257,7 @@ class WindowOdometry:
 
     def _started_again(self, frame: Frame, start: LensPose, factors: PoseFactors) -> Motion:
         """A new window, from the expected pose, after a picture that agrees with no motion."""
-        text = f"window odometry: no motion agrees among {len(self._tracker.corners)} corners"
+        text = f"camera odometry: no motion explains the picture ({len(self._tracker.corners)} corners)"
         guess = self._coasting.guess(frame.stamp_s, Fault(FaultKind.ODOMETRY, text))
         self._motion = guess.motion
         self._begin(start, factors)
