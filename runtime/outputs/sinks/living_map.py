@@ -54,7 +54,7 @@ class LivingMap(Sink):
             self._open(folder)
 
     def _open(self, folder: Path) -> None:
-        self._lock = lock_folder(folder, "another run uses this map")
+        self._lock = lock_folder(folder, "another run uses this map, or its page is still open")
         self.path = folder / "map.json"
         self._better = self._earlier_map()
 
