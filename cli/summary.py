@@ -21,6 +21,7 @@ from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.reading import print_message, printable
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import DEMO
+from edgemap.runtime.motion.height_check import HeightRule
 from edgemap.runtime.motion.odometry.window import PicturesRule
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.outputs.verdict.verdict import Verdict
@@ -72,12 +73,13 @@ class RunSummary(Sink):
         observed = self.result.observed.mount_estimate if self.result else None
         camera = self.result.observed.camera if self.result else None
         carried = self._carried or bool(camera and camera.attitude and camera.attitude.carried)
-        shown, why = (observed or self.height) and not carried, shlex.quote(f"{folder}/")
+        mount = "" if carried else mount_text(self._mount, observed, self.height, self._mount_sources)
+        why = shlex.quote(f"{folder}/")
         lines = [
             f"map of {len(self.objects)} object{'s' if len(self.objects) != 1 else ''} saved in {folder}/",
             f"{'stopped' if stopped else 'done'} after {done} frames, {travelled_m:.1f} m travelled",
             printable(verdict.line) + ("" if verdict.level == "good" else f"; see edgemap why {why}"),
-            *([mount_text(self._mount, observed, self.height, self._mount_sources)] if shown else []),
+            *([mount] if mount else []),
             *([self.fault_line(folder)] if self.faults else []),
             *object_lines(scaled_objects(self.objects, scale), evaluation_rows),
         ]
@@ -96,8 +98,8 @@ def mount_text(
     height: HeightEstimate | None = None,
     sources: tuple[str, str] = ("given", "given"),
 ) -> str:
-    """One line with the configured and the estimated angles and height of a mount. sources: of the configured angles,
-    and of the height."""
+    """One line with the configured and the estimated angles and height of a mount; empty without an estimate. One that
+    could not show a wrong height is left out. sources: of the configured angles, and of the height."""
     parts = []
     if estimate is not None:
         angles = np.degrees([[mount.pitch_rad, mount.roll_rad] for mount in (configured, estimate.mount)])
@@ -105,10 +107,10 @@ def mount_text(
             ("pitch", "roll"), *angles, np.degrees(estimate.sigma_rad[::-1]), strict=True
         ):
             parts.append(f"{name} {before:.1f} deg {sources[0]}, {after:.1f} +- {sigma:.1f} deg estimated")
-    if height is not None:
+    if height is not None and (sources[1] == "guessed" or height.sigma_m < HeightRule().wrong_share * height.height_m):
         estimated = f"{height.height_m:.2f} +- {height.sigma_m:.2f} m estimated"
         parts.append(f"height {configured.height_m:.2f} m {sources[1]}, {estimated}")
-    return f"mount: {'; '.join(parts)}"
+    return f"mount: {'; '.join(parts)}" if parts else ""
 
 
 @contextmanager

@@ -66,6 +66,12 @@ def test_two_degrees_are_told_once_and_every_frame_is_levelled_by_what_was_seen(
     assert re.fullmatch(told, mount_text(mount, seen))
 
 
+@pytest.mark.parametrize(("source", "sigma_m", "shown"), [("given", 0.05, 1), ("given", 0.1, 0), ("guessed", 0.1, 1)])
+def test_an_estimate_that_cannot_show_a_wrong_height_is_no_line(source, sigma_m, shown):
+    line = mount_text(Mount(0.69, 0.3), None, HeightEstimate(0.28, sigma_m), (source, source))
+    assert bool(line) == shown
+
+
 def test_turns_alone_tell_three_degrees_where_a_room_shows_no_edges(demo):
     faults, observed, _, _ = drive(demo, 3.0, BLIND_TO_EDGES, wheels=False)
     assert len(faults) == 1
