@@ -52,10 +52,15 @@ class Client:
         self._socket.ping().wait(60)  # the server has taken it in
 
     def until(self, stamp_s):
-        """(topic, stamp in ns, data) of all messages before the server's time reaches the stamp."""
+        """(topic, stamp in ns, data) of all messages until the server's time reaches the stamp, which may overtake some
+        of them."""
         found, names = [], {100 + channel["id"]: topic for topic, channel in self.channels.items()}
-        while self.time_ns < round(stamp_s * 1e9):
-            message = self._socket.recv(timeout=60)
+        while True:
+            try:
+                message = self._socket.recv(timeout=60 if self.time_ns < round(stamp_s * 1e9) else 0.5)
+            except TimeoutError:
+                assert self.time_ns >= round(stamp_s * 1e9)
+                return found
             if isinstance(message, str):
                 self.statuses.append(json.loads(message))
             elif message[0] == 2:
@@ -64,7 +69,6 @@ class Client:
                 assert message[0] == 1
                 subscription, stamp_ns = struct.unpack("<IQ", message[1:13])
                 found.append((names[subscription], stamp_ns, message[13:]))
-        return found
 
     def decode(self, topic, data):
         channel = self.channels[topic]
