@@ -138,8 +138,8 @@ def test_a_run_folder_and_a_file_are_only_read(tmp_path, monkeypatch):
 def test_a_name_that_no_map_has(tmp_path, monkeypatch):
     monkeypatch.setenv("EDGEMAP_DATA", str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    told = f"home: no run folder or map.json here, and no map of that name in {tmp_path}/maps"
-    with pytest.raises(MapError, match=told):
+    refusal = f"home: no run folder or map.json here, and no map of that name in {tmp_path}/maps"
+    with pytest.raises(MapError, match=refusal):
         saved_map("home")
     (tmp_path / "maps" / "home").mkdir(parents=True)
     (tmp_path / "maps" / "home" / "map.json").write_text("{}")

@@ -59,8 +59,8 @@ def test_strict_raises_the_first_fault(painted_bundle, pictures):
 def test_what_a_source_does_not_bring_is_guessed_as_by_the_command(painted_bundle, pictures, tmp_path, mount, height_m):
     (pictures / "camera.yaml").unlink()
     given = () if mount is None else ("--mount", str(mount).strip("()").replace(" ", ""))
-    opened, told = {"camera": pictures, "bundle": painted_bundle}, "guessed from 12 pictures: focal length 51"
-    with pytest.warns(GuessWarning, match=told) as warned, edgemap_api.open(**opened, mount=mount) as session:
+    opened, guessed = {"camera": pictures, "bundle": painted_bundle}, "guessed from 12 pictures: focal length 51"
+    with pytest.warns(GuessWarning, match=guessed) as warned, edgemap_api.open(**opened, mount=mount) as session:
         list(session)
     guess = cast(GuessWarning, warned[0].message).guess
     assert (guess.height_sigma == 0.0) == (height_m is not None)

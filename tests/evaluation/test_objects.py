@@ -78,8 +78,8 @@ def test_a_map_tells_how_true_its_confidences_are():
 def test_a_reliability_diagram_is_drawn_without_objects_too(tmp_path):
     charts = pytest.importorskip("edgemap.plots.charts", reason="figures need the extra 'plot'")
     bins = [{"from": 0.9, "to": 1.0, "objects": 4, "real": 3, "mean_confidence": 0.95}]
-    for name, told in (("some", {"ece": 0.2, "bins": bins}), ("none", {"ece": None, "bins": []})):
-        drawing = cv2.imread(str(charts.plot_reliability(tmp_path / f"{name}.png", told)))
+    for name, calibration in (("some", {"ece": 0.2, "bins": bins}), ("none", {"ece": None, "bins": []})):
+        drawing = cv2.imread(str(charts.plot_reliability(tmp_path / f"{name}.png", calibration)))
         assert drawing.std() > 1.0
 
 

@@ -38,8 +38,8 @@ def address():
 @pytest.fixture
 def opened():
     """Keeps what is given, and closes it at the end."""
-    with ExitStack() as things:
-        yield lambda thing: things.enter_context(closing(thing))
+    with ExitStack() as opened:
+        yield lambda closed_after: opened.enter_context(closing(closed_after))
 
 
 def home(robots, seed=3):

@@ -154,8 +154,8 @@ def test_one_bad_stamp_is_one_fault_and_a_clock_that_was_set_is_followed(tmp_pat
     with collected() as notes:
         wheels = read_wheel(str(path))
     assert len(wheels.poses) == used
-    told = [("1 of 30 samples dropped" in one.text, bool(re.search(fault, one.text))) for one in notes]
-    assert told == [(used < 30, True)]
+    dropped = [("1 of 30 samples dropped" in one.text, bool(re.search(fault, one.text))) for one in notes]
+    assert dropped == [(used < 30, True)]
     assert wheels.stamps_s[-1] == pytest.approx(frames[-1].stamp_s, abs=0.11)
 
 

@@ -126,8 +126,9 @@ def test_given_lens_and_mount_go_first_and_another_size_is_refused(tmp_path):
     lens, mount = replace(LENS, fx=70.0), replace(MOUNT, height_m=1.0)
     with open_camera(path, CameraOptions(intrinsics=lens, mount=mount)) as camera:
         assert (camera.info.intrinsics, camera.info.mount) == (lens, mount)
-    options, told = CameraOptions(intrinsics=replace(LENS, width=32)), "picture is 64x48, the intrinsics are for 32x48"
-    with open_camera(path, options) as camera, pytest.raises(CameraError, match=told):
+    options = CameraOptions(intrinsics=replace(LENS, width=32))
+    refusal = "picture is 64x48, the intrinsics are for 32x48"
+    with open_camera(path, options) as camera, pytest.raises(CameraError, match=refusal):
         camera.read()
 
 
