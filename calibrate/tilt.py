@@ -17,7 +17,7 @@ from edgemap.geometry.camera.room_edges import (
     room_axes,
     room_heading,
 )
-from edgemap.geometry.robust import ANNEALING, FEWEST
+from edgemap.geometry.robust import FEWEST, ROUNDS
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.motion.attitude.segments import Segments
 
@@ -67,11 +67,11 @@ def fit_tilt(pictures: list[Segments]) -> TiltFit:
     lengths = np.concatenate([edges.lengths for edges in used])
     normals = np.concatenate([edges.normals for edges in used])
     up = most_upright(normals, lengths, np.array([0.0, -1.0, 0.0]), STEEPEST_RAD)
-    for _ in ANNEALING:  # only with edges that are almost vertical
+    for _ in range(ROUNDS):  # only with edges that are almost vertical
         upright = (normals * lengths[:, None])[near := np.abs(normals @ up) < math.sin(NEAR_RAD)]
         axis = np.linalg.eigh(upright.T @ normals[near])[1][:, 0]
         up = axis * np.sign(axis @ up)
-    up = _refined(used, up, len(ANNEALING))
+    up = _refined(used, up, ROUNDS)
     right, away = level_axes(up)
     misses = np.abs(np.arcsin(np.clip(_aligned(used, up) @ np.stack([up, right, away]).T, -1.0, 1.0)))
     kind, miss = misses.argmin(axis=1), misses.min(axis=1)

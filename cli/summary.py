@@ -43,7 +43,7 @@ class RunSummary(Sink):
         self.result: StepResult | None = None
         self.objects: list[MapObject] = []
         self.height: HeightEstimate | None = None  # of the lens, as last shown
-        self.rolling = Rolling(PicturesRule().slip_share, 0.0, mount.height_m)  # for a mount without a lever arm
+        self.rolling = Rolling.of_mount(PicturesRule().slip_share, mount)
         self.fault_count = 0
         self.faults: dict[FaultKind, str] = {}  # by kind, the first text
         self._mount, self._mount_sources, self._carried = mount, mount_sources, carried

@@ -9,6 +9,7 @@ CLEAR_SIGMAS = 3.29  # standard deviations that hold 99.9 % of a normal distribu
 HUBER = 1.345  # standard deviations beyond which a measurement loses weight (95 % efficiency: Huber 1981)
 TUKEY = 4.6851  # standard deviations from which on one has none (95 % efficiency: Beaton and Tukey 1974)
 ANNEALING = (3.0, 2.0, 1.0, 1.0, 1.0)  # factors on TUKEY, round by round, of an estimate whose start is coarse
+ROUNDS = len(ANNEALING)  # of an estimate that is repeated from its last result
 NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute deviation (Hampel 1974)
 FEWEST = 4  # values: the median deviation of fewer is no measure
 RAYLEIGH = float(np.sqrt(2.0 * np.log(2.0)))  # median length of a normal error in a plane, in standard deviations

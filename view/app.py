@@ -57,9 +57,12 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
 async def _refused(request: Request, error: Exception) -> Response:
     """Response to an error, such as an unknown path or method: JSON for paths below /api/, otherwise text."""
     status, headers = (error.status_code, error.headers) if isinstance(error, HTTPException) else (500, None)
-    text = error.detail if isinstance(error, Refused) else str(error)
-    if status in (404, 405) and not isinstance(error, Refused):
+    if isinstance(error, Refused):
+        text = error.detail
+    elif status in (404, 405):
         text = f"{request.method} {request.url.path[:60]!a} is not in this API"
+    else:
+        text = str(error)
     if request.url.path.startswith("/api/"):
         return Response(answers.plain({"error": text}), status, headers, media_type="application/json")
     return PlainTextResponse(f"{text}\n", status, headers)

@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.robust import tukey
 from edgemap.geometry.se2 import SE2
 
@@ -26,6 +28,11 @@ class Rolling:
     share: float
     axle_m: float
     axle_sigma_m: float
+
+    @classmethod
+    def of_mount(cls, share: float, mount: Mount) -> Self:
+        """Before any motion: a lever arm that was not measured may be as long as the lens is high."""
+        return cls(share, 0.0, 0.0 if mount.forward_m != 0.0 or mount.left_m != 0.0 else mount.height_m)
 
     def lateral_m(self, moved: SE2) -> float:
         """The part of a motion across its chord that the axle does not explain."""

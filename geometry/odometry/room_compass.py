@@ -11,7 +11,7 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import RoomHeading
-from edgemap.geometry.robust import ANNEALING, CLEAR_SIGMAS
+from edgemap.geometry.robust import CLEAR_SIGMAS, ROUNDS
 
 Prior = tuple[Array, Array]  # of two values, as an information matrix (2, 2), rad^-2, and its product with them
 
@@ -164,7 +164,7 @@ class RoomCompass:
         fixed[np.ix_(ends, ends)] += self.prior[0]
         fixed_rhs[ends] += self.prior[1]
         weight, solution, normal = 1.0 / variance, fixed_rhs, fixed
-        for _ in ANNEALING:
+        for _ in range(ROUNDS):
             normal, rhs = fixed.copy(), fixed_rhs.copy()
             normal[place, place] += weight
             normal[place, count] += weight

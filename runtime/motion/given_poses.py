@@ -1,7 +1,7 @@
 """Poses of another program in a file: their axes, units and order, and the poses of the base."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -60,7 +60,7 @@ class GivenPoses:
         """These poses with stamps in seconds: of the unit, seconds if possible, in which they overlap the pictures'
         span and follow each other soon. Raises OdometryError, with both spans, where there is none."""
         stamps = self.trajectory.stamps_s
-        period = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
+        period = _period(stamps)
         fits = [
             unit for unit, per_s in UNITS.items()
             if stamps[0] / per_s <= to_s + EDGE_S and stamps[-1] / per_s >= from_s - EDGE_S
@@ -70,7 +70,7 @@ class GivenPoses:
             spans = f"its poses are of {stamps[0]:.3f} to {stamps[-1]:.3f} s, the pictures from {from_s:.3f}"
             ends = f" to {to_s:.3f} s" if math.isfinite(to_s) else " s on"
             raise OdometryError(f"{name}: {spans}{ends}: they do not overlap (two clocks?)")
-        unit = next((one for one in fits if period / UNITS[one] <= PERIODS_S[1]), fits[0])
+        unit = _unit_of(period, fits)
         if unit == "s":
             return self
         seconds = stamps / UNITS[unit]
@@ -115,12 +115,21 @@ def read_given(path: Path, mount: Mount, frame: str | None = None) -> GivenPoses
         raise OdometryError(f"{path}: {error}") from None
 
 
+def _period(stamps: Array) -> float:
+    """The median time between two poses, in the stamps' unit; 0 for a single pose."""
+    return float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
+
+
+def _unit_of(period: float, units: Sequence[str]) -> str:
+    """The first of some units of stamps in which poses follow each other soon; else the first one."""
+    return next((unit for unit in units if period / UNITS[unit] <= PERIODS_S[1]), units[0])
+
+
 def _too_fast(rows: Array) -> bool:
     """Whether poses in metres would move faster than any camera of ours."""
-    steps = np.diff(rows[:, :4], axis=0)
-    span, period = (float(of(steps[:, 0])) if len(steps) else 0.0 for of in (np.sum, np.median))
-    per_s = next((per_s for per_s in UNITS.values() if period / per_s <= PERIODS_S[1]), 1.0)
-    return float(np.linalg.norm(steps[:, 1:], axis=1).sum()) > FASTEST_M_S * span / per_s > 0.0
+    span_s = (rows[-1, 0] - rows[0, 0]) / UNITS[_unit_of(_period(rows[:, 0]), list(UNITS))]
+    path = float(np.linalg.norm(np.diff(rows[:, 1:4], axis=0), axis=1).sum())
+    return span_s > 0.0 and path > FASTEST_M_S * span_s
 
 
 def _of_base(read: _Reading, stamps_s: Array, mount: Mount) -> tuple[tuple[SE2, ...], AttitudeTrack | None]:

@@ -17,7 +17,7 @@ from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.motion.health import REPEATED_S
 from edgemap.runtime.motion.judge import MotionJudge, path_of
 from edgemap.runtime.motion.odometry.hybrid import HybridOdometry
-from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
+from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, MotionState
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 from edgemap.runtime.network.network import Tensors
 
@@ -105,8 +105,9 @@ class JudgedOdometry:
         motion = seen if self._wrong else given
         if not given.blind:
             self._gaps.done()
-        elif not self._wrong and (seen.measured or seen.blind):
-            motion = replace(seen, faults=(*seen.faults, *(given.faults if self._gaps.due(stamp_s) else ())))
+        elif not self._wrong and seen.state is not MotionState.UNMEASURED:
+            reported = given.faults if self._gaps.due(stamp_s) else ()
+            motion = replace(seen, faults=(*seen.faults, *reported))
         excluded = any(fault.kind is self._kind for fault in news)
         self._path.append((stamp_s, self._path[-1][1] @ seen.motion if self._path else SE2()))
         while self._path[0][0] < stamp_s - self._judge.reach_s:

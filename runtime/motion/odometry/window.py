@@ -85,7 +85,7 @@ class WindowOdometry:
         self._mount = camera.mount  # the mount that attitudes refer to
         begun = Carried(self._rule.carried, tilt.nod)
         self.judged = begun.certain() if carried else begun
-        self._rolling = Rolling(self._rule.slip_share, 0.0, _axle_sigma_m(self._level.mount))
+        self._rolling = Rolling.of_mount(self._rule.slip_share, self._level.mount)
         self._coasting, self.readout = Coasting(coasting), Readout()
         self._first, self._seen_s = True, -math.inf
         self._start_again()
@@ -357,8 +357,3 @@ def _in_units(mount: Mount, unit_m: float) -> Mount:
     return replace(
         mount, height_m=mount.height_m / unit_m, forward_m=mount.forward_m / unit_m, left_m=mount.left_m / unit_m
     )
-
-
-def _axle_sigma_m(mount: Mount) -> float:
-    """Standard deviation of the axle's place: a lever arm that was not measured may be as long as the lens is high."""
-    return 0.0 if mount.forward_m != 0.0 or mount.left_m != 0.0 else mount.height_m
