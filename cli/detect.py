@@ -12,6 +12,7 @@ from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Confidence, Json, minimum_score, print_json
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.reading import one_line
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ def command(
     if not images:
         raise UsageError("no pictures given: edgemap detect PICTURE... or a folder of them")
     optics.check()
+    if plot and optics.mount:
+        need("plot", "--plot with --mount")
     images = tuple(path for given in images for path in (list_pictures(given) if given.is_dir() else (given,)))
     loaded = network.load(str(images[0]), alone=True)
     confidence = minimum_score(confidence, loaded)

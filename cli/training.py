@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.options import at_least
+from edgemap.cli.options import above_zero, at_least
 from edgemap.export.settings import Settings
 from edgemap.runtime.frames.errors import UsageError
 
@@ -22,9 +22,7 @@ def check_training(settings: Settings, data: int) -> None:
     values = vars(settings)
     counts = {name: values.get(name) for name in ("batch", "threads", "epochs")}
     at_least(1, **counts)
-    for name in ("minutes", "rate", "validate_minutes"):
-        if values[name] is not None and not 0.0 < values[name] < 1e6:
-            raise UsageError(f"--{name.replace('_', '-')} {values[name]}: must be above 0")
+    above_zero(**{name: values[name] for name in ("minutes", "rate", "validate_minutes")})
     mix = values.get("mix", ())
     if mix and (len(mix) != data or min(mix) < 0.0 or sum(mix) <= 0.0):
         raise UsageError(f"--mix {' '.join(map(str, mix))}: expected {data} shares, one for each --data")

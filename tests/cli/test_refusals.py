@@ -180,7 +180,7 @@ REFUSED = [
     ("eval odometry --data demo --data demo", 2, "twice"),
     ("eval odometry --data demo --from 600", 1, "two"),
     ("eval odometry --data demo --mount 60,11", 2, "60 m"),
-    (f"{DETECTOR} --minutes 0", 2, "0.0"),
+    (f"{DETECTOR} --minutes 0", 2, "--minutes 0"),
     (f"{DETECTOR} --input 100", 2, "multiple of 32"),
     (f"{DETECTOR} --mix 1 2", 2, "1 shares"),
     (f"{DETECTOR} --bundle resnet", 1, "no such folder"),
