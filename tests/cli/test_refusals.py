@@ -190,7 +190,7 @@ REFUSED = [
     (f"{DETECTOR} --device cuda", 1, "--device cuda: torch finds no GPU here"),
     (f"{ODOMETRY} --steps -1", 2, "--steps -1"),
     (f"{ODOMETRY} --length 1", 2, "--length 1"),
-    (f"{ODOMETRY} --rate -1", 2, "--rate -1.0"),
+    (f"{ODOMETRY} --rate -1", 2, "--rate -1"),
     (f"{ODOMETRY} --head flow", 2, "--head flow: the only learned odometry is paper"),
     (f"{ODOMETRY} --feature nose", 1, "no tensor 'nose'"),
     (f"{ODOMETRY} --frames 1", 1, "4 pictures, wanted are those from 0 to 1"),
