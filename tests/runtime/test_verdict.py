@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from support.results import COVARIANCE, POSES, results
 
 from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.frames.faults import Fault, FaultKind, read_fault
 from edgemap.runtime.frames.frame import Frame
@@ -47,6 +48,18 @@ def test_a_calm_drive_is_good_and_a_record_of_an_older_run_is_used_with_care():
     assert verdict.document() == {"level": "good", "reasons": []}
     assert verdict.line == "map: good"
     assert verdict_of({"faults": []}, [CHAIR]).level == "care"
+
+
+def test_objects_that_stand_as_those_of_the_saved_map_do_but_elsewhere_show_a_wrong_start():
+    places = np.random.default_rng(1).uniform(0.0, 6.0, (8, 2))
+    saved = [replace(CHAIR, id=f"chair-{n}", position_m=at, earlier=True) for n, at in enumerate(places)]
+    new = [replace(CHAIR, id=f"chair-{n + 8}", position_m=SE2(2.0, 1.0, 1.5).apply(at)) for n, at in enumerate(places)]
+    counts = RunCounts(dict(RECORD))
+    for objects, twice in (([*saved, *new], 8), (saved, None), ([replace(one, earlier=False) for one in saved], None)):
+        counts.edited(objects)
+        doubled = counts.quality()["doubled"]
+        assert (doubled and doubled["objects"]) == twice
+        assert ("8 objects stand twice" in verdict_of(record({"doubled": doubled}), objects).line) == bool(twice)
 
 
 @pytest.mark.parametrize("measured", [{}, {"attitude_sources": {"depth": 400}}, {"odometry": "poses.tum"}])

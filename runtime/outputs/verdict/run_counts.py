@@ -10,6 +10,7 @@ from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.scale import scaled_objects
 from edgemap.runtime.frames.faults import Fault, FaultKind
+from edgemap.runtime.outputs.verdict.doubled import DoubledObjects
 from edgemap.runtime.outputs.verdict.verdict import Verdict, verdict_of
 from edgemap.runtime.step.sinks import Sink
 from edgemap.runtime.step.slam import StepResult
@@ -25,6 +26,7 @@ class RunCounts(Sink):
         self.record = record
         self.mount_seen: dict[str, float] = {}  # as the drive has shown it so far
         self._objects: list[MapObject] = []
+        self._doubled = DoubledObjects()
         self._kinds: Counter[str] = Counter()
         self._attitudes: Counter[str] = Counter()  # frames by where roll and pitch came from
         self._counts: Counter[str] = Counter()
@@ -83,7 +85,7 @@ class RunCounts(Sink):
         the camera sways as in a hand or on a head. mount_frames: roll and pitch were the mount's, unmeasured.
         worktop_frames: cups, books or the like stood on the floor mask. searched_frames: with a detector's boxes,
         searched_hz a second. travelled_m. sigma_m, heading_sigma_deg: standard deviation of the pose, at the end and
-        the largest along the way. duration_s: of stream. rate_hz: median.
+        the largest along the way. duration_s: of stream. rate_hz: median. doubled: objects that stand twice.
         """
         names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount", "worktop", "searched")
         step_s = float(np.median(self._steps_s)) if self._steps_s else 0.0
@@ -103,6 +105,7 @@ class RunCounts(Sink):
             "duration_s": round(duration_s, 3),
             "rate_hz": round(1.0 / step_s, 2) if step_s > 0.0 else None,
             "searched_hz": round(self._counts["searched_frames"] / duration_s, 2) if duration_s > 0.0 else None,
+            "doubled": self._doubled.seen(self._objects),
         }
 
     def fault(self, fault: Fault) -> None:

@@ -230,6 +230,9 @@ def _objects(run: _Run) -> Iterator[Finding]:
     record, objects = run.record, run.objects
     if not objects:
         return
+    if twice := run.quality.get("doubled"):
+        text = f"{twice['objects']} objects stand twice, {twice['away_m']:.1f} m and {twice['turned_deg']:.0f} deg off"
+        yield Finding("unreliable", CAUSES["place"], f"{text}: the run was placed wrongly in the saved map")
     doubtful = sum(is_doubtful(item) for item in objects) / len(objects)
     if doubtful > LOST_SHARE:
         text = f"{100 * doubtful:.0f} % of the objects are doubtful"
