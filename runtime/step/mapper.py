@@ -32,7 +32,7 @@ from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection
 from edgemap.runtime.step.map_memory import MapMemory
 from edgemap.runtime.step.pose_journal import PoseJournal
-from edgemap.runtime.step.relocalisation import Relocaliser
+from edgemap.runtime.step.relocalisation import Relocaliser, SavedMap
 
 # That evidence is counted in: thresholds were chosen at 10 Hz. One picture stands for `REPEATED` of them at most.
 PICTURE_S = 0.1
@@ -98,7 +98,7 @@ class Mapper:
         self._shown_grid: OccupancyGrid | None = None
         self._shown_timer = StreamTimer(EVERY_S)
         self.edits, self.memory = MapEvents(), MapMemory()
-        self._saved_ids: frozenset[str] = frozenset()  # of the saved map's objects
+        self._continued: SavedMap | None = None  # from a stated pose
         self.trajectory = PoseJournal()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
         self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
@@ -108,71 +108,44 @@ class Mapper:
         self._placed_by: Mount | None = None  # mount that the current landmarks were placed with
         self._relocated: SE2 | None = None  # see `MapUpdate`, for the next step
         self._searched_s = -math.inf  # stamp of the last picture that was searched
-        self._has_scale = False  # that of a saved map
         self._started = False
         self._due = False  # loops to be searched
         self._blind: Motion | None = None  # since the last step
         self._watch = Stopwatch()
 
-    def start_in(
-        self,
-        saved: Sequence[MapObject],
-        start: SE2,
-        sigmas: Sequence[float] = START_SIGMAS,
-        annotations: Annotations = NO_ANNOTATIONS,
-        grid: OccupancyGrid | None = None,
-    ) -> None:
-        """Continues a saved map from a stated pose. sigmas: of the start pose, m, m, rad. grid: the saved map's.
-
-        Raises MapError for a pose far from the map.
-        """
-        if far := far_from_map([(start.x_m, start.y_m)], places_of(saved, grid)):
+    def start_in(self, saved: SavedMap, start: SE2, sigmas: Sequence[float] = START_SIGMAS) -> None:
+        """Continues a saved map from a stated pose. sigmas: of the start pose, m, m, rad. Raises MapError for a pose
+        far from the map."""
+        if far := far_from_map([(start.x_m, start.y_m)], places_of(saved.objects, saved.grid)):
             raise MapError(f"start pose: {far}")
-        self._has_scale = True
-        if grid is not None:
-            self.grid.continue_from(grid)
-        self.edits = MapEvents.of(saved, annotations)
-        self.memory.enter(saved, annotations, grid)
-        saved = annotations.measured(saved)
-        self._saved_ids = frozenset(item.id for item in saved)
-        self.map = FloorMap.continued(saved, self.config.association, self.config.loop_closure)
-        self.map.reserve(annotations.vanished)
-        self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
+        self._continued, self.edits = saved, MapEvents.after(saved.annotations.zones)
+        self.map.reserve(saved.annotations.vanished)
+        self.pose_map_base = SE2()
+        self._join(saved, replace(Alignment.exact(start), covariance=np.diag(np.square(sigmas))))
 
-    def continue_map(self, saved: Sequence[MapObject], annotations: Annotations, grid: OccupancyGrid | None) -> None:
+    def continue_map(self, saved: SavedMap) -> None:
         """Continues a saved map from an unknown pose: relocalises by its objects, from its last pose and its dock (the
         origin without one) first. Where it has no object, the robot is taken to stand at the first of these, or at the
         origin or in the middle of its grid where that is far away."""
-        dock, last = annotations.dock or SE2(), annotations.last_pose
-        if saved:
-            self.relocalise_in(saved, annotations, grid, [dock] if last is None else [last, dock])
+        dock, last = saved.annotations.dock or SE2(), saved.annotations.last_pose
+        if saved.objects:
+            self.relocalise_in(saved, [dock] if last is None else [last, dock])
         else:
-            places = places_of(saved, grid)
+            places = places_of((), saved.grid)
             starts = [last or dock, SE2(), SE2(*np.append(places.mean(axis=0), 0.0).tolist())]
-            start = next(one for one in starts if not far_from_map([(one.x_m, one.y_m)], places))
-            self.start_in(saved, start, annotations=annotations, grid=grid)
+            self.start_in(saved, next(one for one in starts if not far_from_map([(one.x_m, one.y_m)], places)))
 
-    def relocalise_in(
-        self,
-        saved: Sequence[MapObject],
-        annotations: Annotations = NO_ANNOTATIONS,
-        grid: OccupancyGrid | None = None,
-        guesses: Sequence[SE2] = (),
-    ) -> None:
+    def relocalise_in(self, saved: SavedMap, guesses: Sequence[SE2] = ()) -> None:
         """Builds a separate map until its objects determine the robot's pose in the saved map, then continues that one.
         guesses: poses in the saved map at which the run may start; fewer objects confirm one of these. New objects are
-        numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones. grid: the
-        saved map's.
+        numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones.
         """
-        self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
-        self.map = self.relocaliser.run_map
-        self.map.reserve(annotations.vanished)
-        self.edits = MapEvents.after(annotations.zones)
-        self.enter_place(self.relocaliser)
+        self.relocalise_by(Relocaliser([saved], self.config, guesses, saved))
 
-    def enter_place(self, place: Relocaliser) -> None:
-        """The saved map is the one that this run continues."""
-        self._has_scale, self._saved_ids = True, frozenset(item.id for item in place.saved)
+    def relocalise_by(self, relocaliser: Relocaliser) -> None:
+        """As `relocalise_in`, in one of the relocaliser's maps."""
+        self.relocaliser, self.map = relocaliser, relocaliser.run_map
+        self.edits = MapEvents.after(zone for place in relocaliser.places for zone in place.annotations.zones)
 
     def step(self, observed: FrameObservations) -> MapUpdate:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
@@ -183,7 +156,7 @@ class Mapper:
             observed = self._timed(_sound(observed))
             if self._blind is not None:  # the time without pictures since the last step
                 observed, self._blind = replace(observed, motion=_composed(self._blind, observed.motion)), None
-            self.scale = 1.0 if self._has_scale else observed.scale
+            self.scale = observed.scale if self.saved is None else 1.0
             self._advance(observed.motion)
             self._retilt(observed.mount_estimate)
             correction = self._close_loops(observed)
@@ -257,12 +230,17 @@ class Mapper:
         saved map's objects stay, as the path may be wrong for a while: they leave by forgetting only."""
         if self.paper is not None:
             return self.memory.annotated(self.paper.objects(), self.paper.merged)
-        shown = self.edits.shown(self.map)
-        path, new = self.map.graph.trajectory, [item for item in shown if item.id not in self._saved_ids]
+        shown, saved_ids = self.edits.shown(self.map), self.saved.ids if self.saved else ()
+        path, new = self.map.graph.trajectory, [item for item in shown if item.id not in saved_ids]
         crossed = {item.id for item in new if is_crossed(item, path, self._lens_m)}
         shown = [item for item in shown if item.id not in crossed] if crossed else shown
         deleted = self.edits.annotations(self.map).deleted
         return self.memory.annotated(shown, self.map.merged | self.edits.merges(self.map), deleted)
+
+    @property
+    def saved(self) -> SavedMap | None:
+        """The saved map that this run continues, entered yet or not; None without one, or where it is unknown."""
+        return self._continued if self.relocaliser is None else self.relocaliser.saved
 
     @property
     def searching(self) -> bool:
@@ -287,8 +265,8 @@ class Mapper:
     def _set_pose(self, edit: Edit) -> str:
         """Set the robot's pose in the map, which stays as it is, and end a relocalisation. Raises EditError."""
         if edit.id == "dock":
-            place = self.relocaliser if self.searching else None
-            if (dock := (place.annotations if place else self.annotations()).dock) is None:
+            annotations = self.saved.annotations if self.searching and self.saved else self.annotations()
+            if (dock := annotations.dock) is None:
                 raise EditError("the map has no dock")
             edit = replace(edit, pose=(dock.x_m, dock.y_m, dock.yaw_rad))
         if edit.pose is None:
@@ -296,10 +274,10 @@ class Mapper:
         pose, covariance = SE2(*edit.pose), np.diag(np.square(edit.sigmas or START_SIGMAS))
         if self.relocaliser is not None and self.relocaliser.searching:
             back = self.pose_map_base.inverse()
-            place = Alignment.exact(pose @ back)
             covariance_a_b = compose_covariance(pose, covariance, back, np.zeros((3, 3)))
-            self._join_saved_map(self.relocaliser, replace(place, covariance=covariance_a_b))
-            self.relocaliser.alignment = place
+            self.relocaliser.alignment = replace(Alignment.exact(pose @ back), covariance=covariance_a_b)
+            self._relocated = self.relocaliser.alignment.pose_a_b
+            self._join(self.saved or SavedMap(), self.relocaliser.alignment)
         else:
             measured = self.map.objects()
             self.map = FloorMap.continued(measured, self.config.association, self.config.loop_closure, before=self.map)
@@ -310,7 +288,7 @@ class Mapper:
     def _places(self) -> Array:
         """Where the map is (N, 2): its objects, the robot, its grid, and the saved map that is searched."""
         robot = [(self.pose_map_base.x_m, self.pose_map_base.y_m)]
-        saved = self.relocaliser.saved if self.relocaliser and self.searching else ()
+        saved = self.saved.measured if self.searching and self.saved else ()
         return np.array([*robot, *places_of([*self.objects(), *saved], self._shown_grid)])
 
     def _timed(self, observed: FrameObservations) -> FrameObservations:
@@ -395,16 +373,17 @@ class Mapper:
 
     def _relocalise(self) -> dict[str, str] | None:
         """Joins the saved map in the step that relocalises the robot; the new ids of this run's objects, else None."""
-        saved = self.relocaliser
-        if saved is None or (alignment := saved.align()) is None:
+        alignment = self.relocaliser and self.relocaliser.align()
+        if alignment is None or self.saved is None:
             return None
-        return self._join_saved_map(saved, alignment)
+        self._relocated = alignment.pose_a_b
+        return self._join(self.saved, alignment)
 
-    def _join_saved_map(self, saved: Relocaliser, alignment: Alignment) -> dict[str, str]:
+    def _join(self, saved: SavedMap, alignment: Alignment) -> dict[str, str]:
         """Merges the saved map and this run's, in the saved one's frame. Returns the new ids of this run's objects."""
         association, loop_closure = self.config.association, self.config.loop_closure
-        merged, became = merge_maps(saved.saved, self.map.objects(), alignment, loop_closure.landmarks)
-        self.map = FloorMap.continued(merged, association, loop_closure, saved.run_map, became)
+        merged, became = merge_maps(saved.measured, self.map.objects(), alignment, loop_closure.landmarks)
+        self.map = FloorMap.continued(merged, association, loop_closure, self.map, became)
         self.pose_covariance = compose_covariance(
             alignment.pose_a_b, alignment.covariance, self.pose_map_base, self.pose_covariance
         )
@@ -413,11 +392,8 @@ class Mapper:
         self.grid.transform(alignment.pose_a_b)
         if saved.grid is not None:
             self.grid.continue_from(saved.grid)
-        deleted = {item.id for item in saved.annotations.deleted}
-        remembered = [item for item in saved.saved if item.id not in deleted]
-        self.memory.enter(remembered, saved.annotations, saved.grid, became)
-        self.edits.enter(saved.edited, saved.annotations, alignment.pose_a_b)
-        self._relocated = alignment.pose_a_b
+        self.memory.enter(saved.objects, saved.annotations, saved.grid, became)
+        self.edits.enter(saved.objects, saved.annotations, alignment.pose_a_b)
         return became
 
 

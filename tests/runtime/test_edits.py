@@ -23,6 +23,7 @@ from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.step.edit_queue import Edits, load_edits
 from edgemap.runtime.step.map_file import load_annotated_map, map_document, save_map
 from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.relocalisation import SavedMap
 
 POSES = round_trip(80)
 SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))
@@ -111,8 +112,8 @@ def test_what_was_edited_is_kept_by_the_map_and_by_later_runs(tmp_path):
     objects, annotations = load_annotated_map(tmp_path)
     assert json.loads((tmp_path / "map.json").read_text())["format"] == "edgemap.map/1"
     known, lost = Mapper(), Mapper()
-    known.start_in(objects, SE2(), annotations=annotations)
-    lost.relocalise_in(objects, annotations)
+    known.start_in(SavedMap(objects, annotations), SE2())
+    lost.relocalise_in(SavedMap(objects, annotations))
     assert lost.annotations().zones == ()  # it does not know yet where they are
     start = round_trip(80, start_rad=2.0)
     pose = POSES[0].inverse() @ start[0]

@@ -31,6 +31,7 @@ from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.map_file import load_map, save_map
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pose_journal import PoseJournal
+from edgemap.runtime.step.relocalisation import SavedMap
 from edgemap.view.page import LivePage
 from edgemap.view.report.history import History
 
@@ -139,7 +140,7 @@ def test_a_start_told_roughly_is_corrected_by_the_saved_maps_objects():
     """A saved map holds nothing that is not there: an object that it has seen once counts as well."""
     saved = [replace(item, count=1) for item in list(steps(False, yaw_share=0.0, way_share=0.0))[-1][1]]
     mapper, way = Mapper(closes_loops=True), WAY[:120]
-    mapper.start_in(saved, SE2(0.15, -0.1, 0.06))  # the robot stands at the origin
+    mapper.start_in(SavedMap(saved), SE2(0.15, -0.1, 0.06))  # the robot stands at the origin
     *_, (result, _) = drive(mapper, ROOM, way, drifting(way, 5, yaw_share=0.01, way_share=0.01), 5)
     off = (WAY[0].inverse() @ WAY[119]).inverse() @ result.pose_map_base
     assert np.hypot(off.x_m, off.y_m) < 0.1
@@ -151,7 +152,7 @@ def test_a_second_visit_the_other_way_round_leaves_no_twins(corrected, tmp_path)
     save_map(tmp_path / "map.json", corrected[-1][1])
     saved = load_map(tmp_path / "map.json")
     mapper, back = Mapper(closes_loops=True), WAY[::-1]
-    mapper.relocalise_in(saved)
+    mapper.relocalise_in(SavedMap(saved))
     relocated = [result.relocated for result, _ in drive(mapper, ROOM, back, drifting(back, 8), 8)]
     assert sum(pose is not None for pose in relocated) == 1
     first, second = errors_m(saved), errors_m(mapper.objects())
