@@ -108,8 +108,6 @@ class Mapper:
         self._placed_by: Mount | None = None  # mount that the current landmarks were placed with
         self._relocated: SE2 | None = None  # see `MapUpdate`, for the next step
         self._searched_s = -math.inf  # stamp of the last picture that was searched
-        self._started = False
-        self._due = False  # loops to be searched
         self._blind: Motion | None = None  # since the last step
         self._watch = Stopwatch()
 
@@ -161,7 +159,7 @@ class Mapper:
             self._retilt(observed.mount_estimate)
             correction = self._close_loops(observed)
         with stage("map"):
-            sightings = self._placed(observed, observed.pictured.placed_by)
+            sightings = self._placed(observed)
             object_ids = self.map.update(sightings)
             self._forget(observed, object_ids)
         with stage("grid"):
@@ -245,7 +243,7 @@ class Mapper:
     @property
     def searching(self) -> bool:
         """Whether the robot has yet to be relocalised in a saved map."""
-        return self.relocaliser is not None and self.relocaliser.searching
+        return self.relocaliser is not None and self.relocaliser.alignment is None
 
     def annotations(self) -> Annotations:
         """Zones, deleted and vanished objects as they stand, and which map it is."""
@@ -272,7 +270,7 @@ class Mapper:
         if edit.pose is None:
             raise EditError("a pose is x, y and yaw")
         pose, covariance = SE2(*edit.pose), np.diag(np.square(edit.sigmas or START_SIGMAS))
-        if self.relocaliser is not None and self.relocaliser.searching:
+        if self.relocaliser is not None and self.searching:
             back = self.pose_map_base.inverse()
             covariance_a_b = compose_covariance(pose, covariance, back, np.zeros((3, 3)))
             self.relocaliser.alignment = replace(Alignment.exact(pose @ back), covariance=covariance_a_b)
@@ -296,17 +294,14 @@ class Mapper:
         if not observed.searched:
             return observed
         stamp_s = observed.pictured.stamp_s
-        since_s, self._searched_s = stamp_s - self._searched_s, stamp_s
-        if not math.isfinite(since_s):
-            return observed
+        since_s = stamp_s - self._searched_s if math.isfinite(self._searched_s) else PICTURE_S
+        self._searched_s = stamp_s
         pictures = max(round(min(since_s / PICTURE_S, REPEATED), 2), 0.01)  # above 0: evidence is divided by it
-        if pictures == 1.0:
-            return observed
         return replace(observed, sightings=[replace(seen, pictures=pictures) for seen in observed.sightings])
 
     def _advance(self, motion: Motion) -> None:
         """Advance the pose by the motion; the first frame's pose is the map's origin and exact."""
-        if self._started:
+        if len(self.trajectory):
             self.pose_covariance = compose_covariance(
                 self.pose_map_base, self.pose_covariance, motion.motion, motion.covariance
             )
@@ -316,7 +311,6 @@ class Mapper:
             )
             self.pose_odom_base = self.pose_odom_base @ motion.motion
             self.travelled_m += math.hypot(motion.motion.x_m, motion.motion.y_m)
-        self._started = True
 
     def _retilt(self, seen: MountEstimate | None) -> None:
         """Move what was placed by the mount's angles when their estimate changes."""
@@ -329,29 +323,26 @@ class Mapper:
 
     def _close_loops(self, observed: FrameObservations) -> LoopCorrection | None:
         """One unit of loop closure; a correction moves pose, trajectory, map, grid and edits."""
-        graph = self.map.graph
-        if not graph.trajectory.poses:
-            graph.trajectory.begin(self.pose_map_base, self.pose_covariance, observed.stamp_s)
+        graph, motion, now_s = self.map.graph, observed.motion, observed.stamp_s
+        if not len(graph.trajectory):
+            graph.trajectory.begin(self.pose_map_base, self.pose_covariance, now_s)
             return None
-        motion = observed.motion
-        self._due |= graph.advance(motion.motion, motion.covariance, observed.stamp_s, motion.heading_rad2)
-        if self._due and not self.loop_closer.busy:
-            self._due = False
-            self.loop_closer.begin(self.map)
-        was_busy, correction = self.loop_closer.busy, self.loop_closer.step(graph, observed.stamp_s)
-        if was_busy and not self.loop_closer.busy:
+        due = graph.advance(motion.motion, motion.covariance, now_s, motion.heading_rad2)
+        ended, past = self.loop_closer.step(self.map, due, now_s)
+        if ended:
             self.pose_covariance = graph.trajectory.covariance
         if motion.instead is not None and self.paper is None:
-            past = graph.replace_motions(motion.instead, observed.stamp_s, motion.in_map)
-            correction = self.loop_closer.correction(graph, self.pose_map_base, past)
-        if correction is not None:
-            self.pose_map_base = correction.pose_map_base
-            self.trajectory.correct(correction.past)
-            self.map.moved()
-            self.memory.corrected()
-            self.grid.moved(correction.past)
-            self.edits.moved(correction.past)
-        return correction
+            past = graph.replace_motions(motion.instead, now_s, motion.in_map)
+        if past is None:
+            return None
+        before, self.pose_map_base = self.pose_map_base, graph.trajectory.pose
+        self.trajectory.correct(past)
+        self.map.moved()
+        self.memory.corrected()
+        self.grid.moved(past)
+        self.edits.moved(past)
+        moved_m = math.hypot(self.pose_map_base.x_m - before.x_m, self.pose_map_base.y_m - before.y_m)
+        return LoopCorrection(past, moved_m, graph.accepted)
 
     def _pose_of(self, observed: FrameObservations) -> SE2:
         """The pose, as estimated now, of the picture that detections and sightings are of."""
@@ -359,9 +350,9 @@ class Mapper:
             return self.pose_map_base
         return SE2(*self.trajectory.at([observed.before.stamp_s])[0].tolist())
 
-    def _placed(self, observed: FrameObservations, mount: Mount | None = None) -> list[PlacedSighting]:
-        """This step's sightings in the map. mount: see `Sighting.placed`."""
-        pose = self._pose_of(observed)
+    def _placed(self, observed: FrameObservations) -> list[PlacedSighting]:
+        """This step's sightings in the map."""
+        pose, mount = self._pose_of(observed), observed.pictured.placed_by
         return [one.placed(pose, self.pose_covariance, mount) for one in observed.sightings]
 
     def _forget(self, observed: FrameObservations, object_ids: Sequence[str]) -> None:

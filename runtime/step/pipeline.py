@@ -113,12 +113,11 @@ class Pipeline:
             still = self.odometry.still(frame.stamp_s, attitude)
             at_rest, health = self._rest.judge(frame, health, still, self._moved, attitude.rotation)
         motion = self._motion_without_picture(frame.stamp_s, health, attitude, at_rest)
-        prior = FramePrior(attitude, health.covered)
         viewed = not at_rest and self._is_informative(health)
         searched = viewed and frame.search
         sensed = searched or (viewed and (self.odometry.needs_features or self._beside is not None))
         outputs = self._sense(frame) if sensed else {}
-        motion = motion or self._motion_by_picture(frame, outputs, prior)
+        motion = motion or self._motion_by_picture(frame, outputs, attitude, health)
         with stage("attitude"):
             camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
         depth = SparseDepth.of(frame.depth) if sensed and frame.depth is not None else None
@@ -211,10 +210,10 @@ class Pipeline:
             self._moved = motion.moved()
         return motion
 
-    def _motion_by_picture(self, frame: Frame, outputs: Tensors, prior: FramePrior) -> Motion:
+    def _motion_by_picture(self, frame: Frame, outputs: Tensors, attitude: Attitude, health: PictureHealth) -> Motion:
         """The odometry's step. outputs: the backbone's, empty where it did not run."""
         with self._watch.stage("odometry"):
-            prior = replace(prior, movers=mover_boxes(self._detections), floor=self._floor)
+            prior = FramePrior(attitude, health.covered, movers=mover_boxes(self._detections), floor=self._floor)
             motion = self.odometry.step(frame, outputs, prior).checked(self.odometry.name)
             self._since_view, self._moved = SE2(), motion.moved()
         return motion

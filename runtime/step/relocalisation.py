@@ -61,11 +61,6 @@ class Relocaliser:
         self._count = self._frames = 0
         self._work: Generator[None, None, Alignment] | None = None
 
-    @property
-    def searching(self) -> bool:
-        """Whether the robot has yet to be relocalised in a saved map."""
-        return self.alignment is None
-
     def align(self) -> Alignment | None:
         """The alignment, in the one call that finds it; None before and after."""
         if self.alignment is not None or not self._is_due():

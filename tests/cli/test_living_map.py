@@ -222,7 +222,7 @@ def test_a_place_that_no_map_is_of_stays_unknown_and_no_map_changes(maps):
     sink = LivingMap(lambda: finder.saved and finder.saved.path, bool, lambda: Verdict("good"))
     for result, objects in go(mapper, furnished(np.random.default_rng(13), 16, apart_m=0.8)):
         sink.write(result, objects)
-    assert (finder.saved, finder.searching) == (None, True)
+    assert (finder.saved, finder.alignment) == (None, None)
     assert {path: path.read_bytes() for path in maps.glob("*/map.json")} == texts
 
 

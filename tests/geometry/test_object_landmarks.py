@@ -25,8 +25,7 @@ def landmark_of(sightings, number=1):
 
 def trajectory_of(poses, covariances):
     trajectory = KeyframeTrajectory()
-    trajectory.poses, trajectory.covariances = list(poses), list(covariances)
-    trajectory.stamps_s = [float(row) for row in range(len(poses))]
+    trajectory.poses, trajectory.covariances = np.array([pose.vector() for pose in poses]), np.array(covariances)
     return trajectory
 
 

@@ -143,7 +143,7 @@ def test_what_was_placed_by_hand_moves_with_the_part_of_the_path_near_it():
     mapper.edit(Edit("dock", pose=(9.0, 1.0, 0.0)))
     mapper.edit(Edit("add", label="tv", place_m=(9.0, 1.5)))
     times, moves = np.array([0.0, 5.0]), np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    mapper.edits.moved(TrajectoryCorrection(times, moves, np.zeros((2, 3)), np.zeros((2, 3, 3))))
+    mapper.edits.moved(TrajectoryCorrection(times, moves))
     start, end = mapper.annotations().zones
     np.testing.assert_allclose(start.corners_m, SQUARE)
     np.testing.assert_allclose(end.corners_m, [(x, y + 1.0) for x, y in far])

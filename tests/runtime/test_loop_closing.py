@@ -77,16 +77,10 @@ def test_the_covariance_is_honest_after_a_loop(corrected):
     assert np.sqrt(np.trace(result.pose_covariance[:2, :2])) < 0.15  # a quarter of what odometry alone is off; 0.10
 
 
-def test_the_pose_is_known_as_well_as_its_correction_says(corrected):
-    times = [result for result, _ in corrected if result.correction]
-    assert any((at.past.covariances[-1] != at.past.covariances[-2]).any() for r in times if (at := r.correction))
-    for result in times:
-        now = result.correction.past
-        assert now.stamps_s[-1] == pytest.approx(result.frame.stamp_s)
-        np.testing.assert_allclose(now.poses[-1], result.pose_map_base.vector(), atol=1e-9)
-        np.testing.assert_array_equal(now.covariances[-1], result.pose_covariance)
+def test_a_correction_ends_with_its_frame_whose_pose_it_moves(corrected):
     for (before, _), (result, _) in pairwise(corrected):
         if result.correction:
+            assert result.correction.past.stamps_s[-1] == pytest.approx(result.frame.stamp_s)
             expected, found = before.pose_map_base @ result.observed.motion.motion, result.pose_map_base
             off_m = np.hypot(found.x_m - expected.x_m, found.y_m - expected.y_m)
             assert result.correction.moved_m == pytest.approx(off_m, abs=1e-9)
@@ -169,7 +163,7 @@ def test_a_correction_in_the_step_that_finds_the_saved_map_moves_the_past_before
     for index, pose in enumerate(told):
         journal.append(float(index), pose)
     moves = np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
-    journal.correct(TrajectoryCorrection(np.array([0.0, 2.0]), moves, np.zeros((2, 3)), np.zeros((2, 3, 3))))
+    journal.correct(TrajectoryCorrection(np.array([0.0, 2.0]), moves))
     journal.transform(turn)
     journal.append(4.0, turn @ SE2(0.4, 0.5, 0.0))
     now = journal.at([0.0, 1.0, 2.0, 3.0, 4.0])
@@ -182,12 +176,9 @@ def test_a_map_that_is_replaced_in_a_closure_does_not_keep_the_next_one_from_beg
     closer, old, new = LoopCloser(closes_loops), FloorMap(), FloorMap()
     for floor_map in (old, new):
         floor_map.graph.trajectory.begin(SE2(), np.zeros((3, 3)), 0.0)
-    closer.begin(old)
-    assert closer.accepted == 0
-    assert closer.step(old.graph, 0.1) is None
-    assert closer.busy
-    assert closer.step(new.graph, 0.2) is None
-    assert not closer.busy
+    steps = [(old, True), (new, True), (new, False), (new, False), (new, False), (new, False)]
+    ended = [closer.step(floor_map, due, 0.1) for floor_map, due in steps]
+    assert ended == [(False, None), (True, None), (False, None), (False, None), (True, None), (False, None)]
 
 
 SIGMAS = np.array([0.002, 0.002, 0.002])  # m, m, rad, of one motion: as stated, and as it is
@@ -322,7 +313,7 @@ def test_a_correction_counts_from_the_next_question_on():
     for k in range(4):
         journal.append(float(k), SE2(float(k), 0.0, 0.0))
     move = np.array([[2.0, 0.0, 0.0]])
-    journal.correct(TrajectoryCorrection(np.array([0.0]), move, np.zeros((1, 3)), np.zeros((1, 3, 3))))
+    journal.correct(TrajectoryCorrection(np.array([0.0]), move))
     journal.append(4.0, SE2(9.0, 0.0, 0.0))
     assert journal.stamps_near([[2.1, 0.0], [9.1, 0.0]]).tolist() == [0.0, 4.0]
 

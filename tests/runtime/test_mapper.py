@@ -93,9 +93,8 @@ def test_furniture_stays_where_it_or_the_path_is_unsure_by_more_than_the_crossin
     bed = replace(mapped([("bed", 1.0, 0.2)])[0], covariance_m2=np.eye(2) * own_sigma_m**2, width_m=1.6)
     path = KeyframeTrajectory()
     path.begin(SE2(), np.diag([0.01, 0.01, 0.01]), 0.0)
-    path.is_due(SE2(1.0, 0.0, 0.0), np.zeros((3, 3)))
-    path.keep(1.0)
-    path.covariances = [np.diag([pose_sigma_m**2, pose_sigma_m**2, 0.01])] * 2
+    path.advance(SE2(1.0, 0.0, 0.0), np.zeros((3, 3)), 1.0)
+    path.covariances = np.array([np.diag([pose_sigma_m**2, pose_sigma_m**2, 0.01])] * 2)
     assert is_crossed(bed, path, 1.6) is not shown
 
 
