@@ -332,7 +332,8 @@ class Mapper:
         if ended:
             self.pose_covariance = graph.trajectory.covariance
         if motion.instead is not None and self.paper is None:
-            past = graph.replace_motions(motion.instead, now_s, motion.in_map)
+            replaced = graph.replace_motions(motion.instead, now_s, motion.in_map)
+            past = replaced if past is None else past.compose(replaced)
         if past is None:
             return None
         before, self.pose_map_base = self.pose_map_base, graph.trajectory.pose

@@ -86,6 +86,15 @@ def test_a_correction_ends_with_its_frame_whose_pose_it_moves(corrected):
             assert result.correction.moved_m == pytest.approx(off_m, abs=1e-9)
 
 
+def test_a_loop_and_another_path_that_come_in_one_frame_both_move_the_trajectory(corrected):
+    index = next(row for row, (result, _) in enumerate(corrected) if result.correction)
+    motions = drifting(WAY)[: index + 1]
+    motions[index] = replace(motions[index], instead=lambda stamp_s: WAY[round(10 * stamp_s)])
+    *_, (result, _) = drive(Mapper(closes_loops=True), ROOM, WAY[: index + 1], motions)
+    poses = [SE2(*pose) for pose in result.trajectory.at(np.arange(index + 1) / 10)]
+    assert worst_m(poses, WAY[: index + 1]) < 0.02
+
+
 def test_the_run_folder_is_written_anew_as_known_at_the_end(corrected, tmp_path):
     folder = RunFolder(tmp_path / "run", FLOOR, {})
     for result, objects in corrected:
