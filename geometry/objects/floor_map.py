@@ -169,6 +169,7 @@ class FloorMap:
 
     def moved(self) -> None:
         """Applies a trajectory correction: everything moves with its keyframes, and association is repeated."""
+        self.graph.place(self.graph.landmarks.values())
         moved: defaultdict[str, list[Landmark]] = defaultdict(list)
         for one in self.graph.landmarks.values():
             if one.keyframes and one.number in self._owner:
@@ -198,7 +199,6 @@ class FloorMap:
         objects stay.
         """
         self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
-        self.graph.place(self.graph.landmarks.values())
         self.moved()
 
     def _group(self, label: str, changed: Sequence[Landmark]) -> None:

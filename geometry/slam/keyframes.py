@@ -95,7 +95,7 @@ class KeyframeTrajectory:
         """The keyframes' odometry factors. loose: with the covariances that loops are searched with."""
         motions = np.array([motion.vector() for motion, _ in self._steps]).reshape(-1, 3)
         covariances = np.array([covariances[int(loose)] for _, covariances in self._steps]).reshape(-1, 3, 3)
-        yaws_rad, variances_rad2 = self._headings.T
+        yaws_rad, variances_rad2 = self._headings[:, 0], self._headings[:, 1]
         # Their error is mostly the room's, which all share: together they have the information of one.
         measured = int(np.isfinite(variances_rad2).sum())
         heading_information = 1.0 / (variances_rad2 * max(measured, 1))
@@ -124,7 +124,7 @@ class KeyframeTrajectory:
     ) -> TrajectoryCorrection:
         """The motions between keyframes are those of another path, by stamp, where it has one. in_map: it is in the
         map's frame, so that the first pose is its too."""
-        at = [path(stamp_s) for stamp_s in (*self.stamps_s.tolist(), now_s)]
+        at = [path(stamp_s) for stamp_s in (*map(float, self.stamps_s), now_s)]
         moved = [None if a is None or b is None else a.inverse() @ b for a, b in pairwise(at)]
         self._steps = [(new or old, both) for new, (old, both) in zip(moved[:-1], self._steps, strict=True)]
         self.since = moved[-1] or self.since

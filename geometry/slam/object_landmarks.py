@@ -5,7 +5,7 @@ trajectory. Its position and covariance follow from these and the keyframes' pos
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array, inverse
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.se2 import SE2, by_pose
-from edgemap.geometry.slam.keyframes import KeyframeTrajectory
+from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.least_squares import ObservationFactors
 
 
@@ -179,41 +178,6 @@ def factors(rows: Array, tilt_rad: Array, view_m: float) -> tuple[Array, Array, 
     scale = 1.0 / (a * d - b * b)
     information = np.stack([d * scale, -b * scale, -b * scale, a * scale], axis=-1).reshape(-1, 2, 2)
     return place, information, rows[:, Sums.BIAS] / count[:, None], rows[:, Sums.RANGE] / count[:, None]
-
-
-def place(landmarks: Iterable[Landmark], trajectory: KeyframeTrajectory, tilt_rad: Array, view_m: float) -> None:
-    """Position and covariance of landmarks that have observations, on the current trajectory: least squares over
-    observations with one range error per landmark.
-    """
-    landmarks = [landmark for landmark in landmarks if landmark.keyframes]
-    if not landmarks:
-        return
-    rows = np.concatenate([landmark.rows for landmark in landmarks])
-    at = np.concatenate([landmark.keyframes for landmark in landmarks])
-    sizes = [len(landmark.keyframes) for landmark in landmarks]
-    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    local, information, bias, ranges = factors(rows, tilt_rad, view_m)
-    pose, covariances = trajectory.poses[at], trajectory.covariances[at]
-    rotation = rotations(pose[:, 2])
-    lever = (rotation @ local[:, :, None])[:, :, 0]
-    information = rotation @ information @ rotation.transpose(0, 2, 1)
-    design = np.concatenate([np.broadcast_to(np.eye(2), (len(at), 2, 2)), rotation @ ranges[:, :, None]], axis=2)
-    weighted = design.transpose(0, 2, 1) @ information
-    normal = np.add.reduceat(weighted @ design, starts)
-    right = np.add.reduceat((weighted @ (pose[:, :2] + lever)[:, :, None])[:, :, 0], starts)
-    normal[:, 2, 2] += 1.0
-    inverse = np.linalg.inv(normal)
-    positions = (inverse @ right[:, :, None])[:, :2, 0]
-    wrt_pose = by_pose(lever)
-    from_pose = wrt_pose @ covariances @ wrt_pose.transpose(0, 2, 1)
-    count = rows[:, 0]
-    share = count / np.repeat(np.add.reduceat(count, starts), sizes)
-    turned = rotation @ bias[:, :, None]
-    shared = np.add.reduceat(share[:, None, None] * (turned @ turned.transpose(0, 2, 1)), starts)
-    variance = np.add.reduceat(share * (from_pose[:, 0, 0] + from_pose[:, 1, 1]) / 2.0, starts).tolist()
-    for row, landmark in enumerate(landmarks):
-        landmark.position_m, landmark.own_m2 = positions[row], inverse[row, :2, :2]
-        landmark.first_m2, landmark.shared_m2, landmark.variance_m2 = from_pose[starts[row]], shared[row], variance[row]
 
 
 def observations(landmarks: Sequence[Landmark], tilt_rad: Array, rule: LandmarkRule) -> ObservationFactors:

@@ -1,7 +1,7 @@
 """A drive as a graph: keyframes, the odometry between them, observations of landmarks, and links between landmarks."""
 
 import math
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence, Set
+from collections.abc import Generator, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,16 +11,16 @@ from edgemap.geometry.arrays import CHI2_997, Array, inverse, positive
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.se2 import SE2, wrap_angles
+from edgemap.geometry.se2 import SE2, by_pose, wrap_angles
 from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory
 from edgemap.geometry.slam.least_squares import OdometryFactors, Problem, Rows, Solution, solve
 from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule
 from edgemap.geometry.slam.object_landmarks import (
     Landmark,
     LandmarkRule,
+    factors,
     observations,
     observed,
-    place,
     rotations,
 )
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed, nearest_earlier
@@ -151,12 +151,6 @@ class PoseGraph:
         landmark.own_m2 = positive(item.covariance_m2 - np.eye(2) * centre_m2, least=1e-4)
         return landmark
 
-    def advance(self, motion: SE2, covariance: Array, stamp_s: float, heading_rad2: float = math.inf) -> bool:
-        """Adds a motion, as of `KeyframeTrajectory.advance`. Returns whether a loop search is due, by path and
-        rotation."""
-        is_keyframe = self.trajectory.advance(motion, covariance, stamp_s, heading_rad2)
-        return is_keyframe and len(self.trajectory) % self.rule.every == 0
-
     def observe(self, sightings: Sequence[PlacedSighting], frame: int = 0) -> list[Landmark]:
         """Adds one frame's sightings. Returns the landmark of each. The first frame's pose is the first keyframe, if
         there is none yet.
@@ -218,8 +212,39 @@ class PoseGraph:
         return distance2 if distance2 <= CHI2_997 else math.inf
 
     def place(self, landmarks: Iterable[Landmark]) -> None:
-        """Positions and covariances of landmarks on the current trajectory."""
-        place(landmarks, self.trajectory, self.tilt_rad, self.rule.landmarks.view_m)
+        """Position and covariance of landmarks that have observations, on the current trajectory: least squares over
+        observations with one range error per landmark.
+        """
+        landmarks = [landmark for landmark in landmarks if landmark.keyframes]
+        if not landmarks:
+            return
+        rows = np.concatenate([landmark.rows for landmark in landmarks])
+        at = np.concatenate([landmark.keyframes for landmark in landmarks])
+        sizes = [len(landmark.keyframes) for landmark in landmarks]
+        starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+        local, information, bias, ranges = factors(rows, self.tilt_rad, self.rule.landmarks.view_m)
+        pose, covariances = self.trajectory.poses[at], self.trajectory.covariances[at]
+        rotation = rotations(pose[:, 2])
+        lever = (rotation @ local[:, :, None])[:, :, 0]
+        information = rotation @ information @ rotation.transpose(0, 2, 1)
+        design = np.concatenate([np.broadcast_to(np.eye(2), (len(at), 2, 2)), rotation @ ranges[:, :, None]], axis=2)
+        weighted = design.transpose(0, 2, 1) @ information
+        normal = np.add.reduceat(weighted @ design, starts)
+        right = np.add.reduceat((weighted @ (pose[:, :2] + lever)[:, :, None])[:, :, 0], starts)
+        normal[:, 2, 2] += 1.0
+        own_m2 = np.linalg.inv(normal)
+        positions = (own_m2 @ right[:, :, None])[:, :2, 0]
+        wrt_pose = by_pose(lever)
+        from_pose = wrt_pose @ covariances @ wrt_pose.transpose(0, 2, 1)
+        count = rows[:, 0]
+        share = count / np.repeat(np.add.reduceat(count, starts), sizes)
+        turned = rotation @ bias[:, :, None]
+        shared = np.add.reduceat(share[:, None, None] * (turned @ turned.transpose(0, 2, 1)), starts)
+        variance = np.add.reduceat(share * (from_pose[:, 0, 0] + from_pose[:, 1, 1]) / 2.0, starts).tolist()
+        for row, landmark in enumerate(landmarks):
+            landmark.position_m, landmark.own_m2 = positions[row], own_m2[row, :2, :2]
+            landmark.first_m2, landmark.shared_m2 = from_pose[starts[row]], shared[row]
+            landmark.variance_m2 = variance[row]
 
     def groups(self) -> dict[int, list[Landmark]]:
         """The landmarks of each object, by the number of the first."""
@@ -293,9 +318,9 @@ class PoseGraph:
     def correct(
         self, solution: Solution, covariances: Array, relinked: bool, now_s: float
     ) -> TrajectoryCorrection | None:
-        """Moves poses and landmarks to the solution, with its poses' covariances (K, 3, 3). Where links are as before
-        and no pose moves by more than its standard deviation, only covariances change and the result is None. relinked:
-        whether links changed; poses move then in any case. now_s: stamp of the frame of the last motion, s."""
+        """Moves poses to the solution, with its poses' covariances (K, 3, 3). Where links are as before and no pose
+        moves by more than its standard deviation, only covariances change and the result is None. relinked: whether
+        links changed; poses move then in any case. now_s: stamp of the frame of the last motion, s."""
         poses = solution.poses
         before = self.trajectory.poses[: len(poses)]
         sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
@@ -305,17 +330,7 @@ class PoseGraph:
             self.trajectory.set_poses(before, covariances, now_s)
             return None
         self._biases = solution.biases
-        correction = self.trajectory.set_poses(poses, covariances, now_s)
-        self.place(self.landmarks.values())
-        return correction
-
-    def replace_motions(
-        self, path: Callable[[float], SE2 | None], now_s: float, in_map: bool = False
-    ) -> TrajectoryCorrection:
-        """As `KeyframeTrajectory.replace_motions`; landmarks move along."""
-        correction = self.trajectory.replace_motions(path, now_s, in_map)
-        self.place(self.landmarks.values())
-        return correction
+        return self.trajectory.set_poses(poses, covariances, now_s)
 
     def drop_keyframes(self) -> None:
         """Drops those keyframes of the older half that are nearest to an earlier one, a radian counting as a metre. The

@@ -31,10 +31,10 @@ class LoopCloser:
         self._map: FloorMap | None = None
         self._work: Closure | None = None
 
-    def step(self, floor_map: FloorMap, due: bool, now_s: float) -> tuple[bool, TrajectoryCorrection | None]:
-        """One unit of the work under way. Returns whether it has ended, and the correction that it ends with. due:
-        whether work is to begin. now_s: stamp of the latest frame."""
-        self._due |= due
+    def step(self, floor_map: FloorMap, is_keyframe: bool, now_s: float) -> tuple[bool, TrajectoryCorrection | None]:
+        """One unit of the work under way. Returns whether it has ended, and the correction that it ends with.
+        is_keyframe: whether the latest frame is one. now_s: its stamp."""
+        self._due |= is_keyframe and len(floor_map.graph.trajectory) % floor_map.graph.rule.every == 0
         if self._due and self._work is None:
             self._due, self._map, self._work = False, floor_map, self._units(floor_map)
         if self._work is None:
@@ -46,7 +46,7 @@ class LoopCloser:
             next(self._work)
         except StopIteration as end:
             self._work = None
-            return True, None if end.value is None else floor_map.graph.correct(*end.value, now_s)
+            return True, None if end.value is None else floor_map.graph.correct(*end.value, now_s=now_s)
         return False, None
 
     def _units(self, floor_map: FloorMap) -> Closure:

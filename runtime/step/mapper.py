@@ -327,12 +327,12 @@ class Mapper:
         if not len(graph.trajectory):
             graph.trajectory.begin(self.pose_map_base, self.pose_covariance, now_s)
             return None
-        due = graph.advance(motion.motion, motion.covariance, now_s, motion.heading_rad2)
-        ended, past = self.loop_closer.step(self.map, due, now_s)
+        is_keyframe = graph.trajectory.advance(motion.motion, motion.covariance, now_s, motion.heading_rad2)
+        ended, past = self.loop_closer.step(self.map, is_keyframe, now_s)
         if ended:
             self.pose_covariance = graph.trajectory.covariance
         if motion.instead is not None and self.paper is None:
-            replaced = graph.replace_motions(motion.instead, now_s, motion.in_map)
+            replaced = graph.trajectory.replace_motions(motion.instead, now_s, motion.in_map)
             past = replaced if past is None else past.compose(replaced)
         if past is None:
             return None

@@ -56,7 +56,7 @@ def visited(chairs, placed, x_m, y_m, frames, by_m=4.0):
     graph = chairs.graph
     for frame in frames:
         if frame == frames[0] and len(graph.trajectory):
-            graph.advance(SE2(by_m), np.eye(3) * 1e-4, frame / 10)
+            graph.trajectory.advance(SE2(by_m), np.eye(3) * 1e-4, frame / 10)
         pose = graph.trajectory.pose if len(graph.trajectory) else SE2()
         at = pose.inverse().apply([x_m, y_m])
         sighting = placed("chair", *at, frame).sighting
@@ -68,7 +68,6 @@ def moved(chairs, *moves):
     trajectory = chairs.graph.trajectory
     poses = trajectory.poses + np.column_stack([moves, np.zeros(len(moves))])
     trajectory.set_poses(poses, trajectory.covariances, 99.0)
-    chairs.graph.place(chairs.graph.landmarks.values())
     chairs.moved()
 
 

@@ -185,6 +185,8 @@ def test_a_map_that_is_replaced_in_a_closure_does_not_keep_the_next_one_from_beg
     closer, old, new = LoopCloser(closes_loops), FloorMap(), FloorMap()
     for floor_map in (old, new):
         floor_map.graph.trajectory.begin(SE2(), np.zeros((3, 3)), 0.0)
+        while len(floor_map.graph.trajectory) < 4:  # a closure is due
+            floor_map.graph.trajectory.advance(SE2(0.3, 0.0, 0.0), np.eye(3), 0.0)
     steps = [(old, True), (new, True), (new, False), (new, False), (new, False), (new, False)]
     ended = [closer.step(floor_map, due, 0.1) for floor_map, due in steps]
     assert ended == [(False, None), (True, None), (False, None), (False, None), (True, None), (False, None)]
