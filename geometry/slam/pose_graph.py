@@ -306,13 +306,12 @@ class PoseGraph:
         likely.sort(key=lambda one: (one in near or one.number in wanted, one.number in tied, one.sums.pictures))
         chosen = sorted(likely[-self.rule.maximum :], key=lambda landmark: landmark.number)
         positions_m = np.array([landmark.position_m for landmark in chosen]).reshape(-1, 2)
-        priors = np.zeros((len(chosen), 2, 2))
-        for at, one in enumerate(chosen):
-            if one.saved is not None:
-                priors[at] = inverse(one.saved.covariance_m2)
+        none = np.zeros((2, 2))
+        priors = [none if one.saved is None else inverse(one.saved.covariance_m2) for one in chosen]
+        known = positions_m, np.array(priors).reshape(-1, 2, 2)
         seen = observations(chosen, self.tilt_rad, self.rule.landmarks)
         rows = {landmark.number: at for at, landmark in enumerate(chosen)}
-        problem = Problem(trajectory.factors(), seen, positions_m, priors, CHI2_997, self.rule.freedom)
+        problem = Problem(trajectory.factors(), seen, *known, CHI2_997, self.rule.freedom)
         return Snapshot(rows, problem, trajectory.factors(loose=True), trajectory.poses, self._biases)
 
     def correct(

@@ -9,11 +9,9 @@ from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopCorrection:
-    """A loop closure's result. past: correction of everything before this frame. moved_m: correction of this frame's
-    pose. links: number of landmarks matched to earlier ones so far.
-    """
+    """A loop closure's result. moved_m: correction of this frame's pose. links: number of landmarks matched to earlier
+    ones so far."""
 
-    past: TrajectoryCorrection
     moved_m: float
     links: int
 

@@ -343,7 +343,7 @@ class Mapper:
         self.grid.moved(past)
         self.edits.moved(past)
         moved_m = math.hypot(self.pose_map_base.x_m - before.x_m, self.pose_map_base.y_m - before.y_m)
-        return LoopCorrection(past, moved_m, graph.accepted)
+        return LoopCorrection(moved_m, graph.accepted)
 
     def _pose_of(self, observed: FrameObservations) -> SE2:
         """The pose, as estimated now, of the picture that detections and sightings are of."""

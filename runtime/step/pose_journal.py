@@ -18,7 +18,7 @@ class PoseJournal:
 
     def __init__(self) -> None:
         self.revision = 0
-        self._rows = np.zeros((min(1024, MAXIMUM), 4))  # stamp_s, x_m, y_m, yaw_rad
+        self._rows = np.zeros((MAXIMUM, 4))  # stamp_s, x_m, y_m, yaw_rad; takes memory as it fills
         self._count = 0
 
     def __len__(self) -> int:
@@ -39,9 +39,7 @@ class PoseJournal:
         row = np.array([stamp_s, *pose_map_base.vector()])
         if self._count and (row[1:] == self._rows[self._count - 1, 1:]).all():
             return
-        if self._count == len(self._rows) < MAXIMUM:
-            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        elif self._count == len(self._rows):
+        if self._count == len(self._rows):
             half, stamps = self._count // 2, self._rows[:, 0]
             even = np.searchsorted(stamps[:half], np.linspace(stamps[0], stamps[half - 1], half // 2))
             kept = np.concatenate([self._rows[np.unique(even)], self._rows[half:]])
