@@ -160,9 +160,8 @@ def drive(drawn, begin_s, imu, live, placed, corners, device_of=Clocks):
     camera.update_info(wheel=wheels)
     slam = slam_of(camera, room, imu, corners)
     saved = saved_map()
-    slam.mapper.start_in(SavedMap(saved), SE2()) if placed else slam.mapper.relocalise_in(
-        SavedMap(saved), guesses=[SE2()]
-    )
+    mapper, home = slam.mapper, SavedMap(saved)
+    mapper.start_in(home, SE2()) if placed else mapper.relocalise_in(home, guesses=[SE2()])
     checked = Checked(slam, saved)
     read = camera.read
 

@@ -25,8 +25,8 @@ def landmark_of(sightings, number=1):
 
 def graph_of(poses, covariances):
     graph = PoseGraph()
-    graph.trajectory.poses = np.array([pose.vector() for pose in poses])
-    graph.trajectory.covariances = np.array(covariances)
+    path = graph.trajectory
+    path.poses, path.covariances = np.array([pose.vector() for pose in poses]), np.array(covariances)
     return graph
 
 

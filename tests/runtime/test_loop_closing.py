@@ -86,12 +86,11 @@ def test_a_correction_states_how_far_it_moves_the_pose(corrected):
 
 
 def test_a_loop_and_another_path_that_come_in_one_frame_both_move_the_trajectory(corrected):
-    index = next(row for row, (result, _) in enumerate(corrected) if result.correction)
-    motions = drifting(WAY)[: index + 1]
-    motions[index] = replace(motions[index], instead=lambda stamp_s: WAY[round(10 * stamp_s)])
-    *_, (result, _) = drive(Mapper(closes_loops=True), ROOM, WAY[: index + 1], motions)
-    poses = [SE2(*pose) for pose in result.trajectory.at(np.arange(index + 1) / 10)]
-    assert worst_m(poses, WAY[: index + 1]) < 0.02
+    count = 1 + next(row for row, (result, _) in enumerate(corrected) if result.correction)
+    motions = drifting(WAY)[:count]
+    motions[-1] = replace(motions[-1], instead=lambda stamp_s: WAY[round(10 * stamp_s)])
+    *_, (result, _) = drive(Mapper(closes_loops=True), ROOM, WAY[:count], motions)
+    assert worst_m([SE2(*pose) for pose in result.trajectory.at(np.arange(count) / 10)], WAY[:count]) < 0.02
 
 
 def test_the_run_folder_is_written_anew_as_known_at_the_end(corrected, tmp_path):
