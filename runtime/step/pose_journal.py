@@ -57,7 +57,7 @@ class PoseJournal:
         """Moves all poses into another frame; `pose_map_start` is the pose of the old frame in it."""
         rows = self._rows[: self._count]
         rows[:, 1:] = composed(pose_map_start.vector()[None], rows[:, 1:])
-        self.revision += 1
+        self.revision += self._count > 0  # without a past there is nothing to rewrite
 
     def at(self, stamps_s: ArrayLike) -> Array:
         """Poses (N, 3), x, y, yaw, of these stamps (N,): each the newest kept not after it, the first before all."""
