@@ -18,7 +18,7 @@ class PoseJournal:
 
     def __init__(self) -> None:
         self.revision = 0
-        self._rows = np.zeros((MAXIMUM, 4))  # stamp_s, x_m, y_m, yaw_rad; takes memory as it fills
+        self._rows = np.zeros((MAXIMUM, 4))  # stamp_s, x_m, y_m, yaw_rad; memory is used as it fills
         self._count = 0
 
     def __len__(self) -> int:
