@@ -9,7 +9,7 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from edgemap.cli.guessed_camera import CameraKeeper
-from edgemap.cli.named_maps import PlaceFinder, find_place
+from edgemap.cli.named_maps import find_place
 from edgemap.cli.options import minimum_score
 from edgemap.cli.progress import Progress
 from edgemap.cli.run_options import RunOptions
@@ -33,6 +33,7 @@ from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.edit_queue import Edits, load_edits, read_edits
 from edgemap.runtime.step.loop import steps
+from edgemap.runtime.step.map_store import AUTO
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.sinks import Sink
 from edgemap.view.about import about_run
@@ -52,8 +53,8 @@ def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
     search = mapper.relocaliser
     if search is None:
         return None
-    if isinstance(search, PlaceFinder):
-        saved = search.path or Path("any named map")
+    if str(saved) == AUTO:
+        saved = search.saved.path if search.saved else Path("any named map")
     if search.alignment is None:
         return f"not found in {saved}, so this run's map stands alone in its own frame: {search.reason}"
     pose, count = search.alignment.pose_a_b, len(search.alignment.pairs)
@@ -122,7 +123,7 @@ class Run:
         """The sink that saves a map that lives back. Raises DiskError or RunFolderError."""
         finder, place = self.finder, self.place
         if finder is not None:
-            return LivingMap(lambda: finder.path, bool, self._verdict)
+            return LivingMap(lambda: finder.saved and finder.saved.path, bool, self._verdict)
         if place is not None and place.lives:
             return LivingMap(place.path, lambda: self.slam.mapper.searching, self._verdict)
         return None

@@ -13,14 +13,11 @@ from edgemap.geometry.se2 import wrap_angles
 class TrajectoryCorrection:
     """How a drive's past moved in the map: observations from `stamps_s[k]` until the next stamp move by `moves[k]`.
 
-    stamps_s: (K,), increasing. moves: (K, 3), poses x, y, yaw of the old map frame in the new one. poses: (K, 3),
-    corrected poses of the base at those stamps; covariances: (K, 3, 3) of them.
+    stamps_s: (K,), increasing. moves: (K, 3), poses x, y, yaw of the old map frame in the new one.
     """
 
     stamps_s: Array
     moves: Array
-    poses: Array
-    covariances: Array
 
     def moved_poses(self, stamps_s: ArrayLike, poses: ArrayLike) -> Array:
         """Poses (N, 3), x, y, yaw, of those times (N,), corrected."""
@@ -29,8 +26,7 @@ class TrajectoryCorrection:
     def compose(self, later: "TrajectoryCorrection") -> "TrajectoryCorrection":
         """The composition of this correction and a later one."""
         stamps = np.union1d(self.stamps_s, later.stamps_s)
-        moves, rows = later.moved_poses(stamps, self.moves[self._rows(stamps)]), later._rows(stamps)
-        return TrajectoryCorrection(stamps, moves, later.poses[rows], later.covariances[rows])
+        return TrajectoryCorrection(stamps, later.moved_poses(stamps, self.moves[self._rows(stamps)]))
 
     def _rows(self, stamps_s: ArrayLike) -> NDArray[np.intp]:
         return np.maximum(np.searchsorted(self.stamps_s, stamps_s, side="right") - 1, 0)

@@ -23,6 +23,7 @@ from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map
 from edgemap.runtime.step.map_store import AUTO, MapPlace, find_map
 from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.relocalisation import SavedMap
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
 
 
@@ -99,12 +100,12 @@ def _enter_saved_map(mapper: Mapper, place: MapPlace | None, spec: RunSpec, give
         if start is not None:
             raise UsageError(f"start {start}: {place.path} is a new map, whose first pose is its origin")
         return
-    (objects, annotations), grid = load_annotated_map(place.path), load_grid(place.path)
-    begin = given if start is None else _start_pose(start, annotations)
+    saved = SavedMap(*load_annotated_map(place.path), load_grid(place.path))
+    begin = given if start is None else _start_pose(start, saved.annotations)
     if begin is not None:
-        mapper.start_in(objects, begin, annotations=annotations, grid=grid)
+        mapper.start_in(saved, begin)
     else:
-        mapper.continue_map(objects, annotations, grid)
+        mapper.continue_map(saved)
 
 
 def _start_pose(start: str, annotations: Annotations) -> SE2:

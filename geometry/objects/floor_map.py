@@ -114,7 +114,7 @@ class FloorMap:
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Updates the map with all sightings of one frame. Returns the id of each one's object."""
         self._frames += 1
-        near = self.graph.landmarks.in_view(self.graph.trajectory.odometer_m) if sightings else []
+        near = self.graph.in_view() if sightings else []
         before = {one.number: (one.last, len(one.distinct)) for one in near}
         landmarks = self.graph.observe(sightings, self._frames)
         for label in dict.fromkeys(placed.label for placed in sightings):
@@ -139,13 +139,13 @@ class FloorMap:
         weak.sort(key=lambda item: -max(one.updated for one in item.landmarks))
         for item in weak[self.graph.rule.maximum :]:
             self._remove(item.id)
-        in_view = set(self.graph.landmarks.in_view(self.graph.trajectory.odometer_m))
+        in_view = set(self.graph.in_view())
         for item in self._objects.values():
             visits = [one for one in item.landmarks if one.saved is None]
             most = self.graph.rule.visits
             while len(visits) > most and self._join_oldest(item, [one for one in visits if one not in in_view]):
                 visits = [one for one in item.landmarks if one.saved is None]
-        gone = {number for number, one in self.graph.landmarks.all.items() if one.gone}
+        gone = {number for number, one in self.graph.landmarks.items() if one.gone}
         if gone:
             self.graph.remove(gone)
 
@@ -169,8 +169,9 @@ class FloorMap:
 
     def moved(self) -> None:
         """Applies a trajectory correction: everything moves with its keyframes, and association is repeated."""
+        self.graph.place(self.graph.landmarks.values())
         moved: defaultdict[str, list[Landmark]] = defaultdict(list)
-        for one in self.graph.landmarks.all.values():
+        for one in self.graph.landmarks.values():
             if one.keyframes and one.number in self._owner:
                 moved[one.label].append(one)
                 self._cells[one.label].set(one.number, one.position_m)
@@ -198,7 +199,6 @@ class FloorMap:
         objects stay.
         """
         self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
-        self.graph.place(list(self.graph.landmarks.all.values()))
         self.moved()
 
     def _group(self, label: str, changed: Sequence[Landmark]) -> None:
@@ -227,7 +227,7 @@ class FloorMap:
         numbers = {number for one in changed for number in cells.within(one.position_m, reach_m)}
         owners = {owner.id: owner for number in numbers if (owner := self._owner.get(number))}
         numbers |= {one.number for owner in owners.values() for one in owner.landmarks}
-        return [self.graph.landmarks.all[number] for number in sorted(numbers)]
+        return [self.graph.landmarks[number] for number in sorted(numbers)]
 
     def _join_oldest(self, item: _Object, visits: Sequence[Landmark]) -> bool:
         """Joins the two oldest of these visits to an object. Returns whether there were two."""
@@ -359,7 +359,7 @@ class FloorMap:
         rows = np.concatenate([one.rows for one in landmarks])
         some = rows[:, Sums.OUTLINED].ravel() > 0.0
         local = (rows[some, Sums.OUTLINE] / rows[some, Sums.OUTLINED]).reshape(-1, 3, 2)
-        poses = self.graph.trajectory.vectors()[keyframes[some]].reshape(-1, 3)
+        poses = self.graph.trajectory.poses[keyframes[some]].reshape(-1, 3)
         return local @ rotations(poses[:, 2]).transpose(0, 2, 1) + poses[:, None, :2]
 
     def _views(self, landmarks: Sequence[Landmark]) -> Array:
@@ -368,7 +368,7 @@ class FloorMap:
         keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
         rows = np.concatenate([one.rows for one in landmarks])
         local = np.column_stack([rows[:, Sums.VIEW], np.zeros(len(rows))])
-        poses = self.graph.trajectory.vectors()[keyframes].reshape(-1, 3)
+        poses = self.graph.trajectory.poses[keyframes].reshape(-1, 3)
         return np.concatenate([np.array(saved).reshape(-1, 2), composed(poses, local)[:, :2]])
 
 

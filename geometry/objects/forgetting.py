@@ -129,13 +129,13 @@ def is_crossed(item: MapObject, path: KeyframeTrajectory, lens_m: float) -> bool
     if item.label not in FIXTURES or HEIGHT_M[item.label][0] >= lens_m or item.confirmed or item.corrected:
         return False
     radius_m = min(footprint_m(item.label, item.width_m)) / 2.0
-    x_m, y_m = (path.vectors()[:, :2] - item.position_m).T
+    x_m, y_m = (path.poses[:, :2] - item.position_m).T
     inside_m = radius_m - np.hypot(x_m, y_m)
     rows = np.flatnonzero(inside_m > 0.0)
     if not len(rows):
         return False
     angle_rad = np.arctan2(y_m[rows], x_m[rows])
     outwards = np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
-    both_m2 = item.covariance_m2 + np.array([path.covariances[row][:2, :2] for row in rows.tolist()])
+    both_m2 = item.covariance_m2 + path.covariances[rows, :2, :2]
     variance_m2 = np.einsum("ni,nij,nj->n", outwards, both_m2, outwards)
     return bool((np.square(inside_m[rows]) > variance_m2).any())

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,15 +22,15 @@ class OdometryFactors:
     of the earlier pose. information (K - 1, 3, 3): of the motions. first (3,): prior of the first pose.
     first_information (3, 3): of this prior. gain: standard deviation of two relative scale errors, one of all
     translations and one of all rotations. headings (K,): compass yaw of each pose, rad. heading_information (K,):
-    rad^-2, zero for a pose without a compass yaw. headings and heading_information may be empty."""
+    rad^-2, zero for a pose without a compass yaw."""
 
     motions: Array
     information: Array
     first: Array
     first_information: Array
-    gain: float = 0.0
-    headings: Array = field(default_factory=lambda: np.zeros(0))
-    heading_information: Array = field(default_factory=lambda: np.zeros(0))
+    gain: float
+    headings: Array
+    heading_information: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +94,7 @@ class Problem:
     landmarks_m: Array
     priors: Array
     kernel: float
-    freedom: float = math.inf
+    freedom: float
 
 
 def solve(problem: Problem, poses: Array, biases: Array, iterations: int) -> Generator[None, None, Solution]:
@@ -177,10 +177,9 @@ class _System:
         first[:, 2] = wrap_angles(first[:, 2])
         root, first = _whitened(odometry.first_information[None], first)
         self._add(first, (np.zeros(1, dtype=np.intp), root))
-        if len(odometry.headings):
-            weight = np.sqrt(odometry.heading_information)
-            off = weight * wrap_angles(poses[:, 2] - odometry.headings)
-            self._add(off[:, None], (3 * np.arange(count) + 2, weight[:, None, None]))
+        weight = np.sqrt(odometry.heading_information)
+        off = weight * wrap_angles(poses[:, 2] - odometry.headings)
+        self._add(off[:, None], (3 * np.arange(count) + 2, weight[:, None, None]))
         x, y, by_before, by_after = _seen_from(poses[:-1], poses[1:, :2])
         by_gain = np.zeros((count - 1, 3, 2))
         by_gain[:, :2, 0] = -odometry.gain * odometry.motions[:, :2]

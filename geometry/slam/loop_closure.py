@@ -13,96 +13,65 @@ from edgemap.geometry.slam.pose_graph import PoseGraph, Snapshot
 
 Closure = Generator[None, None, "tuple[Solution, Array, bool] | None"]
 
-Evidence = frozenset[tuple[int, int, int]]  # of a hypothesis: its links, and how often each later landmark was observed
 
-
-class LoopSearch:
-    """Finds loop closures in a graph. accepted: number of links that were not revoked."""
-
-    def __init__(self, graph: PoseGraph) -> None:
-        self.graph = graph
-        self.accepted = 0
-        self._refused: Evidence = frozenset()  # the last hypothesis that was not accepted
-
-    def closure(self) -> Closure:
-        """Links landmarks of one object and solves the graph; revokes links that do not fit. Yields after every unit of
-        work; until the end no landmark and no keyframe may leave the graph. Returns the solution, the covariances of
-        its poses (K, 3, 3) and whether links changed, None without links.
-        """
-        graph = self.graph
-        before, groups = dict(graph.links), graph.groups()
-        in_view = {
-            landmark.number
-            for landmark in graph.landmarks.in_view(graph.trajectory.odometer_m)
-            if graph.is_likely(landmark) and landmark.keyframes
-        }
-        candidates = _candidates(graph, _unlinked(graph, groups, in_view), groups)
-        at = graph.snapshot({root for _, root in candidates})
-        new = (yield from self._hypothesis(at, candidates, groups, in_view)) if candidates else {}
-        evidence = frozenset((*link, len(graph.landmarks.all[link[0]].keyframes)) for link in new.items())
-        if evidence == self._refused:
-            new = {}
-        if not graph.links and not new:
-            return None
-        after = yield from at.solved(graph.links)
-        if new:
-            closed = yield from self._weighed(at, new, after)
-            if closed is not None:
-                graph.links |= new
-                after = closed
-            else:
-                self._refused, new = evidence, {}
-        if not graph.links:
-            return None
-        while unfit := self._unfit(at, after, new):
-            for number in unfit:
-                graph.refused.add((number, graph.root(graph.links[number])))
-                del graph.links[number]
-            new = {number: first for number, first in new.items() if number in graph.links}
-            after = yield from at.solved(graph.links)
-        self.accepted += len(graph.links) - len(before)
-        yield
-        covariances = yield from after.pose_covariances()
-        return after, covariances, graph.links != before
-
-    def _hypothesis(
-        self,
-        at: Snapshot,
-        candidates: Sequence[tuple[Landmark, int]],
-        groups: Mapping[int, list[Landmark]],
-        in_view: Set[int],
-    ) -> Generator[None, None, dict[int, int]]:
-        """The links that are certain among all pairings, with room for a slip of the odometry."""
-        graph = self.graph
-        before = yield from at.solved(graph.links, loose=True, iterations=2)
-        row, _ = at.objects(graph.links)
-        pairings = [(row[one.number], row[root]) for one, root in candidates if {one.number, root} <= row.keys()]
-        supported = sum(len(groups[graph.root(number)]) > 1 for number in in_view)
-        certain = yield from certain_pairings(
-            pairings, before.landmarks, before.landmark_covariance, graph.rule.hypotheses, supported
-        )
-        name = list(row)
-        return witnessed(graph, {name[now]: name[before] for now, before in certain})
-
-    def _weighed(
-        self, at: Snapshot, new: Mapping[int, int], without: Solution
-    ) -> Generator[None, None, Solution | None]:
-        """The solution with these links too. None where all measurements together are not more likely with them:
-        odometry at its stated covariance, observations with the errors that they share, and the chance that an object
-        stands there."""
-        graph = self.graph
-        links = graph.links | dict(new)
-        closed = yield from at.solved(links, start=without, iterations=8)
+def closure(graph: PoseGraph) -> Closure:
+    """Links landmarks of one object and solves the graph; revokes links that do not fit. Yields after every unit of
+    work; until the end no landmark and no keyframe may leave the graph. Returns the solution, the covariances of its
+    poses (K, 3, 3) and whether links changed, None without links.
+    """
+    before, groups = dict(graph.links), graph.groups()
+    in_view = {one.number for one in graph.in_view() if graph.is_likely(one) and one.keyframes}
+    candidates = _candidates(graph, _unlinked(graph, groups, in_view), groups)
+    at = graph.snapshot({root for _, root in candidates})
+    new = (yield from _hypothesis(graph, at, candidates, groups, in_view)) if candidates else {}
+    evidence = frozenset((*link, len(graph.landmarks[link[0]].keyframes)) for link in new.items())
+    if evidence == graph.unlikely:
+        new = {}
+    if not graph.links and not new:
+        return None
+    after = yield from at.solved(graph.links)
+    if new:
+        closed = yield from at.solved(graph.links | new, start=after, iterations=8)
+        # All measurements together must be more likely with the links: odometry at its stated covariance, observations
+        # with the errors that they share, and the chance that an object stands there.
         by_chance = len(at.ties(new)) * math.log(graph.rule.hypotheses.spacing_m2)
-        ratio = closed.log_evidence - without.log_evidence + by_chance
-        return closed if ratio > 0.0 else None
+        if closed.log_evidence - after.log_evidence + by_chance > 0.0:
+            graph.links |= new
+            after = closed
+        else:
+            graph.unlikely, new = evidence, {}
+    if not graph.links:
+        return None
+    while bad := {later: chi2 for later, chi2 in at.link_chi2(graph.links, after).items() if chi2 > CHI2_997}:
+        # All new ones if one of these does not fit, else the worst of the others.
+        for number in list(new) if bad.keys() & new.keys() else [max(bad, key=lambda number: bad[number])]:
+            graph.refused.add((number, graph.root(graph.links[number])))
+            del graph.links[number]
+        new = {number: first for number, first in new.items() if number in graph.links}
+        after = yield from at.solved(graph.links)
+    graph.accepted += len(graph.links) - len(before)
+    yield
+    covariances = yield from after.pose_covariances()
+    return after, covariances, graph.links != before
 
-    def _unfit(self, at: Snapshot, after: Solution, new: Mapping[int, int]) -> list[int]:
-        """Links to revoke: all new ones if one of these does not fit, else the worst of the others."""
-        bad = {later: chi2 for later, chi2 in at.link_chi2(self.graph.links, after).items() if chi2 > CHI2_997}
-        if any(number in bad for number in new):
-            return list(new)
-        return [max(bad, key=lambda number: bad[number])] if bad else []
+
+def _hypothesis(
+    graph: PoseGraph,
+    at: Snapshot,
+    candidates: Sequence[tuple[Landmark, int]],
+    groups: Mapping[int, list[Landmark]],
+    in_view: Set[int],
+) -> Generator[None, None, dict[int, int]]:
+    """The links that are certain among all pairings, with room for a slip of the odometry."""
+    before = yield from at.solved(graph.links, loose=True, iterations=2)
+    row, _ = at.objects(graph.links)
+    pairings = [(row[one.number], row[root]) for one, root in candidates if {one.number, root} <= row.keys()]
+    supported = sum(len(groups[graph.root(number)]) > 1 for number in in_view)
+    certain = yield from certain_pairings(
+        pairings, before.landmarks, before.landmark_covariance, graph.rule.hypotheses, supported
+    )
+    name = list(row)
+    return witnessed(graph, {name[now]: name[before] for now, before in certain})
 
 
 def _unlinked(graph: PoseGraph, groups: Mapping[int, list[Landmark]], in_view: Set[int]) -> list[Landmark]:
@@ -123,7 +92,7 @@ def witnessed(graph: PoseGraph, proposed: Mapping[int, int]) -> dict[int, int]:
     """The links that are supported by links of other objects observed at about the same time; one object alone is no
     evidence, however often it was observed.
     """
-    landmarks, slack = graph.landmarks.all, graph.rule.every
+    landmarks, slack = graph.landmarks, graph.rule.every
     linked = {number: graph.root(number) for number in (*graph.links, *graph.links.values())} | dict(proposed)
 
     def is_supported(number: int, root: int) -> bool:
@@ -146,7 +115,7 @@ def _candidates(
     for landmark in fresh:
         chosen: list[Array] = []
         for root in earlier:
-            at = graph.landmarks.all[root].position_m
+            at = graph.landmarks[root].position_m
             if (
                 groups[root][0].label == landmark.label
                 and max(member.last for member in groups[root]) < landmark.first

@@ -5,18 +5,16 @@ trajectory. Its position and covariance follow from these and the keyframes' pos
 """
 
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from edgemap.geometry.arrays import CHI2_997, Array, inverse
+from edgemap.geometry.arrays import Array, inverse
 from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.se2 import SE2, by_pose
-from edgemap.geometry.slam.keyframes import KeyframeTrajectory
+from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.least_squares import ObservationFactors
 
 
@@ -182,42 +180,6 @@ def factors(rows: Array, tilt_rad: Array, view_m: float) -> tuple[Array, Array, 
     return place, information, rows[:, Sums.BIAS] / count[:, None], rows[:, Sums.RANGE] / count[:, None]
 
 
-def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_rad: Array, view_m: float) -> None:
-    """Position and covariance of landmarks that have observations, on the current trajectory: least squares over
-    observations with one range error per landmark.
-    """
-    landmarks = [landmark for landmark in landmarks if landmark.keyframes]
-    if not landmarks:
-        return
-    rows = np.concatenate([landmark.rows for landmark in landmarks])
-    at = np.concatenate([landmark.keyframes for landmark in landmarks])
-    sizes = [len(landmark.keyframes) for landmark in landmarks]
-    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    local, information, bias, ranges = factors(rows, tilt_rad, view_m)
-    pose = trajectory.vectors()[at]
-    covariances = np.array([trajectory.covariances[keyframe] for keyframe in at.tolist()])
-    rotation = rotations(pose[:, 2])
-    lever = (rotation @ local[:, :, None])[:, :, 0]
-    information = rotation @ information @ rotation.transpose(0, 2, 1)
-    design = np.concatenate([np.broadcast_to(np.eye(2), (len(at), 2, 2)), rotation @ ranges[:, :, None]], axis=2)
-    weighted = design.transpose(0, 2, 1) @ information
-    normal = np.add.reduceat(weighted @ design, starts)
-    right = np.add.reduceat((weighted @ (pose[:, :2] + lever)[:, :, None])[:, :, 0], starts)
-    normal[:, 2, 2] += 1.0
-    inverse = np.linalg.inv(normal)
-    positions = (inverse @ right[:, :, None])[:, :2, 0]
-    wrt_pose = by_pose(lever)
-    from_pose = wrt_pose @ covariances @ wrt_pose.transpose(0, 2, 1)
-    count = rows[:, 0]
-    share = count / np.repeat(np.add.reduceat(count, starts), sizes)
-    turned = rotation @ bias[:, :, None]
-    shared = np.add.reduceat(share[:, None, None] * (turned @ turned.transpose(0, 2, 1)), starts)
-    variance = np.add.reduceat(share * (from_pose[:, 0, 0] + from_pose[:, 1, 1]) / 2.0, starts).tolist()
-    for row, landmark in enumerate(landmarks):
-        landmark.position_m, landmark.own_m2 = positions[row], inverse[row, :2, :2]
-        landmark.first_m2, landmark.shared_m2, landmark.variance_m2 = from_pose[starts[row]], shared[row], variance[row]
-
-
 def observations(landmarks: Sequence[Landmark], tilt_rad: Array, rule: LandmarkRule) -> ObservationFactors:
     """Factors of these landmarks, one for each keyframe that observed one. The error of each includes those of the
     range and of the side from which the object was observed."""
@@ -229,71 +191,6 @@ def observations(landmarks: Sequence[Landmark], tilt_rad: Array, rule: LandmarkR
     pose = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
     landmark = np.repeat(np.arange(len(landmarks)), sizes)
     return ObservationFactors(pose, landmark, position_m, inverse(covariance), bias_m)
-
-
-class LandmarkSet:
-    """All landmarks by number, in order of appearance, and which of them are in view. slip: standard deviation that
-    odometry adds per metre since the last sighting."""
-
-    def __init__(self, rule: LandmarkRule, slip: float) -> None:
-        self.rule, self.slip = rule, slip
-        self.all: dict[int, Landmark] = {}
-        self._issued = 0
-        self._in_view: list[Landmark] = []
-
-    def in_view(self, odometer_m: float) -> list[Landmark]:
-        """The landmarks whose visit has not ended: odometry has slipped by no more than a view adds since the last
-        sighting."""
-        self._in_view = [
-            landmark
-            for landmark in self._in_view
-            if self.slip * (odometer_m - landmark.observed_at_m) <= self.rule.view_m and not landmark.gone
-        ]
-        return self._in_view
-
-    def begin(self, label: str, extent_m: float, odometer_m: float, saved: MapObject | None = None) -> Landmark:
-        """A new landmark."""
-        landmark = Landmark(self._issued, label, extent_m, odometer_m, saved)
-        self.all[landmark.number] = landmark
-        self._in_view.append(landmark)
-        self._issued += 1
-        return landmark
-
-    def remove(self, numbers: Set[int]) -> None:
-        """Removes landmarks."""
-        for number in numbers:
-            self.all.pop(number).gone = True
-        for landmark in self.all.values():
-            landmark.distinct -= numbers
-
-    def associated(self, sightings: Sequence[PlacedSighting], odometer_m: float) -> list[Landmark]:
-        """The landmark of each sighting of one frame: the nearest in view, one to one, or a new one."""
-        near = [landmark for landmark in self.in_view(odometer_m) if landmark.keyframes]
-        cost = np.full((len(sightings), len(near) + len(sightings)), math.inf)
-        np.fill_diagonal(cost[:, len(near) :], CHI2_997)  # of a new one
-        for row, placed in enumerate(sightings):
-            for column, landmark in enumerate(near):
-                if landmark.label == placed.label:
-                    cost[row, column] = self._distance2(placed, landmark, odometer_m)
-        landmarks = [
-            near[column] if column < len(near) else self.begin(placed.label, placed.sighting.extent_m, odometer_m)
-            for column, placed in zip(linear_sum_assignment(cost)[1].tolist(), sightings, strict=True)
-        ]
-        for landmark, placed in zip(landmarks, sightings, strict=True):
-            landmark.sums.add(placed)
-            landmark.observed_at_m = odometer_m
-        return landmarks
-
-    def _distance2(self, placed: PlacedSighting, landmark: Landmark, odometer_m: float) -> float:
-        """Squared Mahalanobis distance; infinite beyond gate or reach."""
-        x_m, y_m = (placed.position_map_m - landmark.position_m).tolist()
-        if x_m * x_m + y_m * y_m > self.rule.reach_m**2:
-            return math.inf
-        added = self.rule.side_m2(landmark.extent_m) + (self.slip * (odometer_m - landmark.observed_at_m)) ** 2
-        (a, b), (_, d) = placed.covariance_m2.tolist()
-        a, d = a + added, d + added
-        distance2 = (d * x_m * x_m - 2.0 * b * x_m * y_m + a * y_m * y_m) / (a * d - b * b)
-        return distance2 if distance2 <= CHI2_997 else math.inf
 
 
 def rotations(yaw_rad: Array) -> Array:

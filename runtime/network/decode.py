@@ -1,6 +1,8 @@
 """Boxes in pictures: YOLOv3, YOLOX and DFL decode rules, then class-wise non-maximum suppression."""
 
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 
 import cv2
 import numpy as np
@@ -113,6 +115,9 @@ def _yolov3(output: NDArray[np.float32], head: HeadSpec, confidence: float, size
     return np.concatenate([centres - half, centres + half], axis=1), scores[strong], classes[strong]
 
 
+Stage = Callable[[str], AbstractContextManager[object]]  # times a block under a name
+
+
 class Detector:
     """A bundle's detector without odometry or map, for pictures of any size, or of the one that it was fitted to."""
 
@@ -126,10 +131,12 @@ class Detector:
         """Detections in a BGR uint8 picture (H, W, 3), best first."""
         return self._decode(*self.raw(image))
 
-    def raw(self, image: NDArray[np.uint8]) -> tuple[Tensors, Placement]:
-        """The backbone's outputs, for any decoder."""
-        tensor, placement = self._preprocess(image)
-        return self._backbone.run({self._input_name: tensor}), placement
+    def raw(self, image: NDArray[np.uint8], stage: Stage = nullcontext) -> tuple[Tensors, Placement]:
+        """The backbone's outputs, for any decoder. stage: times each of the two."""
+        with stage("preprocess"):
+            tensor, placement = self._preprocess(image)
+        with stage("backbone"):
+            return self._backbone.run({self._input_name: tensor}), placement
 
 
 class DetectorBeside:

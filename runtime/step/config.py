@@ -1,5 +1,6 @@
 """The configuration tree: every tuned number of the step under one name, as YAML, in run.json, and back."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -58,9 +59,8 @@ def load_config(path: Path) -> Config:
     them. Raises ConfigError in one line that names the value.
     """
     path, document = _document(path)
-    unknown: list[tuple[str, str]] = []
-    where, defaults = f"{path}: config", msgspec.to_builtins(Config())
-    values = _merged(defaults, document.get("config") or {}, where, unknown)
+    where, values = f"{path}: config", document.get("config") or {}
+    unknown = list(_unknown(msgspec.to_builtins(Config()), values, where))
     if unknown and not str(document.get("format", "")).startswith("edgemap.run/"):
         raise ConfigError("{} is unknown (known: {})".format(*unknown[0]))
     if unknown:
@@ -94,21 +94,16 @@ def _document(path: Path) -> tuple[Path, dict[str, Any]]:
     return path, document
 
 
-def _merged(defaults: dict[str, Any], values: Any, where: str, unknown: list[tuple[str, str]]) -> Any:
-    """A part of the tree with the values that a document gives. unknown: gets each name that the part has not, with
-    those that it has."""
-    if not isinstance(values, dict):
-        return values
-    merged = dict(defaults)
-    for key, value in values.items():
-        here = f"{where}.{one_line(key, 40)}"
+def _unknown(defaults: dict[str, Any], values: Any, where: str) -> Iterator[tuple[str, str]]:
+    """Each name in a document's part of the tree that the defaults do not have, with those that they have. Raises
+    ConfigError for a number that no field may have."""
+    for key, value in values.items() if isinstance(values, dict) else ():
+        here, part, is_number = f"{where}.{one_line(key, 40)}", defaults.get(key), isinstance(value, int | float)
         if key not in defaults:
-            unknown.append((here, ", ".join(sorted(defaults))))
-        elif isinstance(value, int | float) and not abs(value) < 1e12:
+            yield here, ", ".join(sorted(defaults))
+        elif is_number and not abs(value) < 1e12:
             raise ConfigError(f"{here} is {value}, not a finite number")
-        else:
-            part = defaults[key]
-            if isinstance(value, int | float) and isinstance(part, int | float) and value < 0 <= part:
-                raise ConfigError(f"{here} is {value}: must not be negative")
-            merged[key] = _merged(part, value, here, unknown) if isinstance(part, dict) else value
-    return merged
+        elif is_number and isinstance(part, int | float) and value < 0 <= part:
+            raise ConfigError(f"{here} is {value}: must not be negative")
+        elif isinstance(part, dict):
+            yield from _unknown(part, value, here)

@@ -92,29 +92,24 @@ class Edits:
     def apply(self, mapper: Mapper, frames: int) -> list[Fault]:
         """Take what is due, on the run's thread and between two steps. frames: steps done so far. Returns the faults of
         recorded edits and listeners."""
-        due: list[tuple[Edit, Future[str] | None]] = []
+        recorded, done = list[tuple[Edit, Future[str]]](), list[tuple[Future[str], str]]()
         while self._recorded and self._recorded[0][0] <= frames:
-            due.append((self._recorded.popleft()[1], None))
-        while self._waiting:
-            edit, future = self._waiting.popleft()
-            if future.set_running_or_notify_cancel():  # otherwise its sender has stopped waiting
-                due.append((edit, future))
-        failed, done = list[Fault](), list[tuple[Future[str] | None, str]]()
-        for edit, future in due:
+            recorded.append((self._recorded.popleft()[1], Future()))
+        waiting = [self._waiting.popleft() for _ in range(len(self._waiting))]
+        # Without those whose sender has stopped waiting.
+        for edit, future in (*recorded, *(one for one in waiting if one[1].set_running_or_notify_cancel())):
             try:
                 line = _line_of(edit, frames)
                 done.append((future, mapper.edit(edit)))
                 self._note(line)
             except EditError as error:
-                if future is not None:
-                    future.set_exception(error)
-                else:
-                    failed.append(Fault(FaultKind.EDIT, f"recorded edit {edit.do} {edit.id!r}: {error}"))
+                future.set_exception(error)
+        refused = [(edit, future.exception()) for edit, future in recorded if future.done()]
+        failed = [Fault(FaultKind.EDIT, f"recorded edit {edit.do} {edit.id!r}: {error}") for edit, error in refused]
         if done:
             failed += self._report(mapper)
         for future, identity in done:  # last, so that the sender reads the edited map
-            if future is not None:
-                future.set_result(identity)
+            future.set_result(identity)
         return failed
 
     def close(self, mapper: Mapper) -> None:

@@ -58,13 +58,13 @@ class MapMemory:
         self._earlier, self._floor = {item.id: item for item in saved}, grid
         self._vanished = {item.id: item for item in annotations.vanished}
         self._areas = annotations.rooms, annotations.doors
-        renamed = became or {}
-        for old, name in renamed.items():
-            if name in self._earlier and old in self._shown:
+        events, self._events = self._events, {}
+        for old, name in (became or {}).items():
+            if name not in self._earlier:
+                self._events |= {name: events[old]} if old in events else {}
+            elif old in self._shown:
                 item = self._shown[old][1]
                 self._extend(name, (item.first_seen_s, item.last_seen_s))
-        new = {identity: events for identity, events in self._events.items() if identity in renamed}
-        self._events = {name: new[old] for old, name in renamed.items() if old in new and name not in self._earlier}
         self._standing = dict(self._earlier)
         for identity in self._sighted:
             self._add(identity, MapEvent("restored"))
@@ -183,8 +183,7 @@ class MapMemory:
             if item.id in self._sighted:
                 self._extend(into.id, self._sighted[item.id])
         elif not explained:
-            what = "vanished" if _is_free(self._floor_now, item) else "missed"
-            self._add(item.id, MapEvent(what, from_m=item.place_m))
+            self._add(item.id, MapEvent("missed", from_m=item.place_m))  # or vanished, see `_confirm`
             self._vanished[item.id] = self._annotated(item)
             for oldest in list(self._vanished)[:-MAXIMUM_VANISHED]:
                 del self._vanished[oldest]

@@ -32,7 +32,7 @@ from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection
 from edgemap.runtime.step.map_memory import MapMemory
 from edgemap.runtime.step.pose_journal import PoseJournal
-from edgemap.runtime.step.relocalisation import Relocaliser
+from edgemap.runtime.step.relocalisation import Relocaliser, SavedMap
 
 # That evidence is counted in: thresholds were chosen at 10 Hz. One picture stands for `REPEATED` of them at most.
 PICTURE_S = 0.1
@@ -98,7 +98,7 @@ class Mapper:
         self._shown_grid: OccupancyGrid | None = None
         self._shown_timer = StreamTimer(EVERY_S)
         self.edits, self.memory = MapEvents(), MapMemory()
-        self._saved_ids: frozenset[str] = frozenset()  # of the saved map's objects
+        self._continued: SavedMap | None = None  # from a stated pose
         self.trajectory = PoseJournal()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
         self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
@@ -108,71 +108,42 @@ class Mapper:
         self._placed_by: Mount | None = None  # mount that the current landmarks were placed with
         self._relocated: SE2 | None = None  # see `MapUpdate`, for the next step
         self._searched_s = -math.inf  # stamp of the last picture that was searched
-        self._has_scale = False  # that of a saved map
-        self._started = False
-        self._due = False  # loops to be searched
         self._blind: Motion | None = None  # since the last step
         self._watch = Stopwatch()
 
-    def start_in(
-        self,
-        saved: Sequence[MapObject],
-        start: SE2,
-        sigmas: Sequence[float] = START_SIGMAS,
-        annotations: Annotations = NO_ANNOTATIONS,
-        grid: OccupancyGrid | None = None,
-    ) -> None:
-        """Continues a saved map from a stated pose. sigmas: of the start pose, m, m, rad. grid: the saved map's.
-
-        Raises MapError for a pose far from the map.
-        """
-        if far := far_from_map([(start.x_m, start.y_m)], places_of(saved, grid)):
+    def start_in(self, saved: SavedMap, start: SE2, sigmas: Sequence[float] = START_SIGMAS) -> None:
+        """Continues a saved map from a stated pose. sigmas: of the start pose, m, m, rad. Raises MapError for a pose
+        far from the map."""
+        if far := far_from_map([(start.x_m, start.y_m)], places_of(saved.objects, saved.grid)):
             raise MapError(f"start pose: {far}")
-        self._has_scale = True
-        if grid is not None:
-            self.grid.continue_from(grid)
-        self.edits = MapEvents.of(saved, annotations)
-        self.memory.enter(saved, annotations, grid)
-        saved = annotations.measured(saved)
-        self._saved_ids = frozenset(item.id for item in saved)
-        self.map = FloorMap.continued(saved, self.config.association, self.config.loop_closure)
-        self.map.reserve(annotations.vanished)
-        self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
+        self._continued, self.edits = saved, MapEvents.after(saved.annotations.zones)
+        self.map.reserve(saved.annotations.vanished)
+        self.pose_map_base = SE2()
+        self._join(saved, replace(Alignment.exact(start), covariance=np.diag(np.square(sigmas))))
 
-    def continue_map(self, saved: Sequence[MapObject], annotations: Annotations, grid: OccupancyGrid | None) -> None:
+    def continue_map(self, saved: SavedMap) -> None:
         """Continues a saved map from an unknown pose: relocalises by its objects, from its last pose and its dock (the
         origin without one) first. Where it has no object, the robot is taken to stand at the first of these, or at the
         origin or in the middle of its grid where that is far away."""
-        dock, last = annotations.dock or SE2(), annotations.last_pose
-        if saved:
-            self.relocalise_in(saved, annotations, grid, [dock] if last is None else [last, dock])
+        dock, last = saved.annotations.dock or SE2(), saved.annotations.last_pose
+        if saved.objects:
+            self.relocalise_in(saved, [dock] if last is None else [last, dock])
         else:
-            places = places_of(saved, grid)
+            places = places_of((), saved.grid)
             starts = [last or dock, SE2(), SE2(*np.append(places.mean(axis=0), 0.0).tolist())]
-            start = next(one for one in starts if not far_from_map([(one.x_m, one.y_m)], places))
-            self.start_in(saved, start, annotations=annotations, grid=grid)
+            self.start_in(saved, next(one for one in starts if not far_from_map([(one.x_m, one.y_m)], places)))
 
-    def relocalise_in(
-        self,
-        saved: Sequence[MapObject],
-        annotations: Annotations = NO_ANNOTATIONS,
-        grid: OccupancyGrid | None = None,
-        guesses: Sequence[SE2] = (),
-    ) -> None:
+    def relocalise_in(self, saved: SavedMap, guesses: Sequence[SE2] = ()) -> None:
         """Builds a separate map until its objects determine the robot's pose in the saved map, then continues that one.
         guesses: poses in the saved map at which the run may start; fewer objects confirm one of these. New objects are
-        numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones. grid: the
-        saved map's.
+        numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones.
         """
-        self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
-        self.map = self.relocaliser.run_map
-        self.map.reserve(annotations.vanished)
-        self.edits = MapEvents.after(annotations.zones)
-        self.enter_place(self.relocaliser)
+        self.relocalise_by(Relocaliser([saved], self.config, guesses, saved))
 
-    def enter_place(self, place: Relocaliser) -> None:
-        """The saved map is the one that this run continues."""
-        self._has_scale, self._saved_ids = True, frozenset(item.id for item in place.saved)
+    def relocalise_by(self, relocaliser: Relocaliser) -> None:
+        """As `relocalise_in`, in one of the relocaliser's maps."""
+        self.relocaliser, self.map = relocaliser, relocaliser.run_map
+        self.edits = MapEvents.after(zone for place in relocaliser.places for zone in place.annotations.zones)
 
     def step(self, observed: FrameObservations) -> MapUpdate:
         """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
@@ -183,12 +154,12 @@ class Mapper:
             observed = self._timed(_sound(observed))
             if self._blind is not None:  # the time without pictures since the last step
                 observed, self._blind = replace(observed, motion=_composed(self._blind, observed.motion)), None
-            self.scale = 1.0 if self._has_scale else observed.scale
+            self.scale = observed.scale if self.saved is None else 1.0
             self._advance(observed.motion)
             self._retilt(observed.mount_estimate)
             correction = self._close_loops(observed)
         with stage("map"):
-            sightings = self._placed(observed, observed.pictured.placed_by)
+            sightings = self._placed(observed)
             object_ids = self.map.update(sightings)
             self._forget(observed, object_ids)
         with stage("grid"):
@@ -257,17 +228,22 @@ class Mapper:
         saved map's objects stay, as the path may be wrong for a while: they leave by forgetting only."""
         if self.paper is not None:
             return self.memory.annotated(self.paper.objects(), self.paper.merged)
-        shown = self.edits.shown(self.map)
-        path, new = self.map.graph.trajectory, [item for item in shown if item.id not in self._saved_ids]
+        shown, saved_ids = self.edits.shown(self.map), self.saved.ids if self.saved else ()
+        path, new = self.map.graph.trajectory, [item for item in shown if item.id not in saved_ids]
         crossed = {item.id for item in new if is_crossed(item, path, self._lens_m)}
         shown = [item for item in shown if item.id not in crossed] if crossed else shown
         deleted = self.edits.annotations(self.map).deleted
         return self.memory.annotated(shown, self.map.merged | self.edits.merges(self.map), deleted)
 
     @property
+    def saved(self) -> SavedMap | None:
+        """The saved map that this run continues, entered yet or not; None without one, or where it is unknown."""
+        return self._continued if self.relocaliser is None else self.relocaliser.saved
+
+    @property
     def searching(self) -> bool:
         """Whether the robot has yet to be relocalised in a saved map."""
-        return self.relocaliser is not None and self.relocaliser.searching
+        return self.relocaliser is not None and self.relocaliser.alignment is None
 
     def annotations(self) -> Annotations:
         """Zones, deleted and vanished objects as they stand, and which map it is."""
@@ -287,19 +263,19 @@ class Mapper:
     def _set_pose(self, edit: Edit) -> str:
         """Set the robot's pose in the map, which stays as it is, and end a relocalisation. Raises EditError."""
         if edit.id == "dock":
-            place = self.relocaliser if self.searching else None
-            if (dock := (place.annotations if place else self.annotations()).dock) is None:
+            annotations = self.saved.annotations if self.searching and self.saved else self.annotations()
+            if (dock := annotations.dock) is None:
                 raise EditError("the map has no dock")
             edit = replace(edit, pose=(dock.x_m, dock.y_m, dock.yaw_rad))
         if edit.pose is None:
             raise EditError("a pose is x, y and yaw")
         pose, covariance = SE2(*edit.pose), np.diag(np.square(edit.sigmas or START_SIGMAS))
-        if self.relocaliser is not None and self.relocaliser.searching:
+        if self.relocaliser is not None and self.searching:
             back = self.pose_map_base.inverse()
-            place = Alignment.exact(pose @ back)
             covariance_a_b = compose_covariance(pose, covariance, back, np.zeros((3, 3)))
-            self._join_saved_map(self.relocaliser, replace(place, covariance=covariance_a_b))
-            self.relocaliser.alignment = place
+            self.relocaliser.alignment = replace(Alignment.exact(pose @ back), covariance=covariance_a_b)
+            self._relocated = self.relocaliser.alignment.pose_a_b
+            self._join(self.saved or SavedMap(), self.relocaliser.alignment)
         else:
             measured = self.map.objects()
             self.map = FloorMap.continued(measured, self.config.association, self.config.loop_closure, before=self.map)
@@ -310,7 +286,7 @@ class Mapper:
     def _places(self) -> Array:
         """Where the map is (N, 2): its objects, the robot, its grid, and the saved map that is searched."""
         robot = [(self.pose_map_base.x_m, self.pose_map_base.y_m)]
-        saved = self.relocaliser.saved if self.relocaliser and self.searching else ()
+        saved = self.saved.measured if self.searching and self.saved else ()
         return np.array([*robot, *places_of([*self.objects(), *saved], self._shown_grid)])
 
     def _timed(self, observed: FrameObservations) -> FrameObservations:
@@ -318,17 +294,14 @@ class Mapper:
         if not observed.searched:
             return observed
         stamp_s = observed.pictured.stamp_s
-        since_s, self._searched_s = stamp_s - self._searched_s, stamp_s
-        if not math.isfinite(since_s):
-            return observed
+        since_s = stamp_s - self._searched_s if math.isfinite(self._searched_s) else PICTURE_S
+        self._searched_s = stamp_s
         pictures = max(round(min(since_s / PICTURE_S, REPEATED), 2), 0.01)  # above 0: evidence is divided by it
-        if pictures == 1.0:
-            return observed
         return replace(observed, sightings=[replace(seen, pictures=pictures) for seen in observed.sightings])
 
     def _advance(self, motion: Motion) -> None:
         """Advance the pose by the motion; the first frame's pose is the map's origin and exact."""
-        if self._started:
+        if len(self.trajectory):
             self.pose_covariance = compose_covariance(
                 self.pose_map_base, self.pose_covariance, motion.motion, motion.covariance
             )
@@ -338,7 +311,6 @@ class Mapper:
             )
             self.pose_odom_base = self.pose_odom_base @ motion.motion
             self.travelled_m += math.hypot(motion.motion.x_m, motion.motion.y_m)
-        self._started = True
 
     def _retilt(self, seen: MountEstimate | None) -> None:
         """Move what was placed by the mount's angles when their estimate changes."""
@@ -351,29 +323,27 @@ class Mapper:
 
     def _close_loops(self, observed: FrameObservations) -> LoopCorrection | None:
         """One unit of loop closure; a correction moves pose, trajectory, map, grid and edits."""
-        graph = self.map.graph
-        if not graph.trajectory.poses:
-            graph.trajectory.begin(self.pose_map_base, self.pose_covariance, observed.stamp_s)
+        graph, motion, now_s = self.map.graph, observed.motion, observed.stamp_s
+        if not len(graph.trajectory):
+            graph.trajectory.begin(self.pose_map_base, self.pose_covariance, now_s)
             return None
-        motion = observed.motion
-        self._due |= graph.advance(motion.motion, motion.covariance, observed.stamp_s, motion.heading_rad2)
-        if self._due and not self.loop_closer.busy:
-            self._due = False
-            self.loop_closer.begin(self.map)
-        was_busy, correction = self.loop_closer.busy, self.loop_closer.step(graph, observed.stamp_s)
-        if was_busy and not self.loop_closer.busy:
+        is_keyframe = graph.trajectory.advance(motion.motion, motion.covariance, now_s, motion.heading_rad2)
+        ended, past = self.loop_closer.step(self.map, is_keyframe, now_s)
+        if ended:
             self.pose_covariance = graph.trajectory.covariance
         if motion.instead is not None and self.paper is None:
-            past = graph.replace_motions(motion.instead, observed.stamp_s, motion.in_map)
-            correction = self.loop_closer.correction(graph, self.pose_map_base, past)
-        if correction is not None:
-            self.pose_map_base = correction.pose_map_base
-            self.trajectory.correct(correction.past)
-            self.map.moved()
-            self.memory.corrected()
-            self.grid.moved(correction.past)
-            self.edits.moved(correction.past)
-        return correction
+            replaced = graph.trajectory.replace_motions(motion.instead, now_s, motion.in_map)
+            past = replaced if past is None else past.compose(replaced)
+        if past is None:
+            return None
+        before, self.pose_map_base = self.pose_map_base, graph.trajectory.pose
+        self.trajectory.correct(past)
+        self.map.moved()
+        self.memory.corrected()
+        self.grid.moved(past)
+        self.edits.moved(past)
+        moved_m = math.hypot(self.pose_map_base.x_m - before.x_m, self.pose_map_base.y_m - before.y_m)
+        return LoopCorrection(moved_m, graph.accepted)
 
     def _pose_of(self, observed: FrameObservations) -> SE2:
         """The pose, as estimated now, of the picture that detections and sightings are of."""
@@ -381,9 +351,9 @@ class Mapper:
             return self.pose_map_base
         return SE2(*self.trajectory.at([observed.before.stamp_s])[0].tolist())
 
-    def _placed(self, observed: FrameObservations, mount: Mount | None = None) -> list[PlacedSighting]:
-        """This step's sightings in the map. mount: see `Sighting.placed`."""
-        pose = self._pose_of(observed)
+    def _placed(self, observed: FrameObservations) -> list[PlacedSighting]:
+        """This step's sightings in the map."""
+        pose, mount = self._pose_of(observed), observed.pictured.placed_by
         return [one.placed(pose, self.pose_covariance, mount) for one in observed.sightings]
 
     def _forget(self, observed: FrameObservations, object_ids: Sequence[str]) -> None:
@@ -395,16 +365,17 @@ class Mapper:
 
     def _relocalise(self) -> dict[str, str] | None:
         """Joins the saved map in the step that relocalises the robot; the new ids of this run's objects, else None."""
-        saved = self.relocaliser
-        if saved is None or (alignment := saved.align()) is None:
+        alignment = self.relocaliser and self.relocaliser.align()
+        if alignment is None or self.saved is None:
             return None
-        return self._join_saved_map(saved, alignment)
+        self._relocated = alignment.pose_a_b
+        return self._join(self.saved, alignment)
 
-    def _join_saved_map(self, saved: Relocaliser, alignment: Alignment) -> dict[str, str]:
+    def _join(self, saved: SavedMap, alignment: Alignment) -> dict[str, str]:
         """Merges the saved map and this run's, in the saved one's frame. Returns the new ids of this run's objects."""
         association, loop_closure = self.config.association, self.config.loop_closure
-        merged, became = merge_maps(saved.saved, self.map.objects(), alignment, loop_closure.landmarks)
-        self.map = FloorMap.continued(merged, association, loop_closure, saved.run_map, became)
+        merged, became = merge_maps(saved.measured, self.map.objects(), alignment, loop_closure.landmarks)
+        self.map = FloorMap.continued(merged, association, loop_closure, self.map, became)
         self.pose_covariance = compose_covariance(
             alignment.pose_a_b, alignment.covariance, self.pose_map_base, self.pose_covariance
         )
@@ -413,11 +384,8 @@ class Mapper:
         self.grid.transform(alignment.pose_a_b)
         if saved.grid is not None:
             self.grid.continue_from(saved.grid)
-        deleted = {item.id for item in saved.annotations.deleted}
-        remembered = [item for item in saved.saved if item.id not in deleted]
-        self.memory.enter(remembered, saved.annotations, saved.grid, became)
-        self.edits.enter(saved.edited, saved.annotations, alignment.pose_a_b)
-        self._relocated = alignment.pose_a_b
+        self.memory.enter(saved.objects, saved.annotations, saved.grid, became)
+        self.edits.enter(saved.objects, saved.annotations, alignment.pose_a_b)
         return became
 
 

@@ -40,7 +40,8 @@ def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
         across = np.column_stack([np.full(81, float(metre)), np.linspace(-GRID_M, GRID_M, 81)])
         _polyline(picture, camera.project(across), Bgr.GRID, thickness)
         along = camera.project(np.array([[float(metre), 0.0]]))[0]
-        if _inside(picture, along) and not (taken and taken[-1][1] - along[1] < 4):  # far lines crowd each other
+        inside = ((along >= 0) & (along < picture.shape[1::-1])).all()  # not where it is NaN
+        if inside and not (taken and taken[-1][1] - along[1] < 4):  # far lines crowd each other
             _text(picture, f"{metre} m", along + [4, -4], Bgr.GRID, taken)
     for left in range(-GRID_M, GRID_M + 1):
         along = np.column_stack([np.linspace(0.3, GRID_M, 120), np.full(120, float(left))])
@@ -96,11 +97,6 @@ def _polyline(picture: Picture, pixels: NDArray[np.float64], colour: tuple[int, 
         if np.isfinite([*a, *b]).all() and np.abs([*a, *b]).max() < 8 * max(width, height):
             first, second = (tuple(int(v) for v in point.round()) for point in (a, b))
             cv2.line(picture, first, second, colour, thickness, cv2.LINE_AA)
-
-
-def _inside(picture: Picture, pixel: NDArray[np.float64]) -> bool:
-    height, width = picture.shape[:2]
-    return bool(np.isfinite(pixel).all() and 0 <= pixel[0] < width and 0 <= pixel[1] < height)
 
 
 def _text(

@@ -14,7 +14,6 @@ from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sighting import is_worktop, sightings_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch
 from edgemap.runtime.motion.attitude.source import AttitudeSource, MountAttitude, Moved
@@ -26,7 +25,7 @@ from edgemap.runtime.motion.rest import RestMonitor
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.decode import Decoder, Detector, DetectorBeside
 from edgemap.runtime.network.network import Tensors
-from edgemap.runtime.network.preprocess import Preprocessor, floor_mask
+from edgemap.runtime.network.preprocess import floor_mask
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
 
@@ -72,12 +71,10 @@ class Pipeline:
         sensing = fitted = bundle.companion or bundle
         if not odometry.needs_features:  # of the whole input
             fitted = sensing.for_pictures(camera.intrinsics.width, camera.intrinsics.height)
-        self._backbone = fitted.backbone
-        self._input_name = fitted.detector.input.name
         self._floor_output = fitted.detector.floor if camera.mount.platform.in_room else None
-        self._preprocess = Preprocessor(fitted.detector.input)
         min_score = bundle.manifest.confidence if confidence is None else confidence
         self._decode = Decoder((fitted if sensing is bundle else bundle).detector, min_score, one_name=True)
+        self._network = Detector(fitted, self._decode)
         self._beside = None if sensing is bundle else DetectorBeside(Detector(bundle, self._decode))
         self._paced = bundle.paced
         self._waiting: _Searched | None = None  # for its boxes
@@ -113,12 +110,11 @@ class Pipeline:
             still = self.odometry.still(frame.stamp_s, attitude)
             at_rest, health = self._rest.judge(frame, health, still, self._moved, attitude.rotation)
         motion = self._motion_without_picture(frame.stamp_s, health, attitude, at_rest)
-        prior = FramePrior(attitude, health.covered)
         viewed = not at_rest and self._is_informative(health)
         searched = viewed and frame.search
         sensed = searched or (viewed and (self.odometry.needs_features or self._beside is not None))
         outputs = self._sense(frame) if sensed else {}
-        motion = motion or self._motion_by_picture(frame, outputs, prior)
+        motion = motion or self._motion_by_picture(frame, outputs, attitude, health)
         with stage("attitude"):
             camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
         depth = SparseDepth.of(frame.depth) if sensed and frame.depth is not None else None
@@ -139,10 +135,11 @@ class Pipeline:
         found = _Searched(frame, attitude, observed, depth) if searched else None
         if searched and self._beside is not None:
             found, self._waiting = self._waiting, found
-        self.pictured, faults = frame, list[Fault | None]()
+        self.pictured, height = frame, self._height
         if found is not None:
-            observed = self._with_boxes(observed, found, faults)
-        height, faults = self._height, self._faults(health, faults, motion)
+            observed = self._with_boxes(observed, found)
+        every = dict.fromkeys((health.fault, *self.attitude.faults, *observed.faults, *motion.faults))
+        faults = tuple(fault for fault in every if fault is not None)
         observed = replace(observed, faults=faults, height_estimate=height.estimate, scale=height.scale)
         self._newest = frame, observed
         return observed
@@ -155,33 +152,28 @@ class Pipeline:
             return None
         self._detections = self._beside.last() or self._detections
         frame, observed = self._newest
-        return frame, self._with_boxes(replace(observed, motion=no_motion(), faults=(), stages_ms={}), found, [])
+        return frame, replace(self._with_boxes(observed, found), motion=no_motion(), faults=(), stages_ms={})
 
-    def _with_boxes(
-        self, observed: FrameObservations, found: _Searched, faults: list[Fault | None]
-    ) -> FrameObservations:
-        """This frame's observations with the newest boxes, those of `found`. faults: gets those of depth and height."""
+    def _with_boxes(self, observed: FrameObservations, found: _Searched) -> FrameObservations:
+        """This frame's observations with the newest boxes, those of `found`, and the faults of depth and height."""
         frame, seen, boxes, stage = found.frame, found.observed, self._detections, self._watch.stage
         camera, floor, self.pictured = seen.camera or self.camera, seen.floor, frame
         with stage("floor"):
             depth = frame.depth if self._depth.fit else None
             sightings = sightings_of(boxes, camera, self.rule, frame.index, frame.stamp_s, depth, floor, self.evidence)
         with stage("height"):
-            faults.append(self._depth.judge(found.depth, floor, camera, self._height.estimate))
+            by_depth = self._depth.judge(found.depth, floor, camera, self._height.estimate)
             known = found.attitude, boxes, seen.motion, frame.depth is not None
-            faults.append(self._height.judge(frame.stamp_s, camera, *known))
+            by_height = self._height.judge(frame.stamp_s, camera, *known)
         return replace(
             observed, detections=boxes, sightings=sightings, searched=True, worktop=is_worktop(floor, boxes),
-            before=None if seen is observed else seen,
+            before=None if seen is observed else seen, faults=tuple(filter(None, (by_depth, by_height))),
         )  # fmt: skip
 
     def _sense(self, frame: Frame) -> Tensors:
         """The backbone's outputs. Keeps the newest boxes, and the floor mask."""
         stage = self._watch.stage
-        with stage("preprocess"):
-            tensor, placement = self._preprocess(frame.image)
-        with stage("backbone"):
-            outputs = self._backbone.run({self._input_name: tensor})
+        outputs, placement = self._network.raw(frame.image, stage)
         with stage("decode" if self._beside is None else "detector"):
             if self._beside is None:
                 self._detections = self._decode(outputs, placement)
@@ -190,11 +182,6 @@ class Pipeline:
         with stage("floor_mask"):
             self._floor = floor_mask(outputs, placement, self._floor_output)
         return outputs
-
-    def _faults(self, health: PictureHealth, scale: list[Fault | None], motion: Motion) -> tuple[Fault, ...]:
-        """The faults of this step, each once. scale: of the mount's height and of depth."""
-        faults = (health.fault, *self.attitude.faults, *scale, *motion.faults)
-        return tuple(dict.fromkeys(fault for fault in faults if fault is not None))
 
     def _motion_without_picture(
         self, stamp_s: float, health: PictureHealth, attitude: Attitude, at_rest: bool
@@ -211,10 +198,10 @@ class Pipeline:
             self._moved = motion.moved()
         return motion
 
-    def _motion_by_picture(self, frame: Frame, outputs: Tensors, prior: FramePrior) -> Motion:
+    def _motion_by_picture(self, frame: Frame, outputs: Tensors, attitude: Attitude, health: PictureHealth) -> Motion:
         """The odometry's step. outputs: the backbone's, empty where it did not run."""
         with self._watch.stage("odometry"):
-            prior = replace(prior, movers=mover_boxes(self._detections), floor=self._floor)
+            prior = FramePrior(attitude, health.covered, movers=mover_boxes(self._detections), floor=self._floor)
             motion = self.odometry.step(frame, outputs, prior).checked(self.odometry.name)
             self._since_view, self._moved = SE2(), motion.moved()
         return motion

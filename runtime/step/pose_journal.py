@@ -13,15 +13,13 @@ SAME_S = 1e-6  # files round stamps to this
 
 class PoseJournal:
     """Poses of the base in the map frame by stamp; repeated poses take no space, and beyond `MAXIMUM` poses every
-    second one of the older half is dropped. revision: number of corrections of the past. Corrections are composed, and
-    applied on the next read.
+    second one of the older half is dropped. revision: number of corrections of the past.
     """
 
     def __init__(self) -> None:
         self.revision = 0
-        self._rows = np.zeros((min(1024, MAXIMUM), 4))  # stamp_s, x_m, y_m, yaw_rad
+        self._rows = np.zeros((MAXIMUM, 4))  # stamp_s, x_m, y_m, yaw_rad; memory is used as it fills
         self._count = 0
-        self._pending: TrajectoryCorrection | None = None
 
     def __len__(self) -> int:
         return self._count
@@ -39,12 +37,9 @@ class PoseJournal:
     def append(self, stamp_s: float, pose_map_base: SE2) -> None:
         """The pose of the newest step; stamps must not run backwards."""
         row = np.array([stamp_s, *pose_map_base.vector()])
-        if self._count and self._pending is None and (row[1:] == self._rows[self._count - 1, 1:]).all():
+        if self._count and (row[1:] == self._rows[self._count - 1, 1:]).all():
             return
-        if self._count == len(self._rows) < MAXIMUM:
-            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        elif self._count == len(self._rows):
-            self._settle()
+        if self._count == len(self._rows):
             half, stamps = self._count // 2, self._rows[:, 0]
             even = np.searchsorted(stamps[:half], np.linspace(stamps[0], stamps[half - 1], half // 2))
             kept = np.concatenate([self._rows[np.unique(even)], self._rows[half:]])
@@ -54,28 +49,24 @@ class PoseJournal:
 
     def correct(self, correction: TrajectoryCorrection) -> None:
         """A loop closure moved the past."""
-        self._pending = correction if self._pending is None else self._pending.compose(correction)
+        rows = self._rows[: self._count]
+        rows[:, 1:] = correction.moved_poses(rows[:, 0], rows[:, 1:])
         self.revision += 1
-        if len(self._pending.stamps_s) > self._count:  # applied, it takes less memory
-            self._settle()
 
     def transform(self, pose_map_start: SE2) -> None:
         """Moves all poses into another frame; `pose_map_start` is the pose of the old frame in it."""
-        self._settle()
         rows = self._rows[: self._count]
         rows[:, 1:] = composed(pose_map_start.vector()[None], rows[:, 1:])
-        self.revision += 1
+        self.revision += self._count > 0  # without a past there is nothing to rewrite
 
     def at(self, stamps_s: ArrayLike) -> Array:
         """Poses (N, 3), x, y, yaw, of these stamps (N,): each the newest kept not after it, the first before all."""
-        self._settle()
         return self._rows[self._kept(stamps_s), 1:]
 
     def moved_poses(self, stamps_s: ArrayLike, poses: ArrayLike) -> Array:
         """Corrects poses (N, 3) of these stamps (N,), in order, estimated at one time: a pose that is not stored moves
         with the newest stored one before it, even if a correction came between the two.
         """
-        self._settle()
         poses = np.asarray(poses, dtype=np.float64).reshape(-1, 3)
         if not self._count or not len(poses):
             return poses
@@ -87,7 +78,6 @@ class PoseJournal:
 
     def stamps_near(self, points_m: ArrayLike) -> Array:
         """Stamps (N,) of the poses nearest to points (N, 2) of the map; 0 before the first pose."""
-        self._settle()
         points, rows = np.asarray(points_m, dtype=np.float64).reshape(-1, 2), self._rows[: self._count]
         if not len(rows):
             return np.zeros(len(points))
@@ -101,9 +91,3 @@ class PoseJournal:
     def _kept(self, stamps_s: ArrayLike) -> NDArray[np.intp]:
         stamps = np.asarray(stamps_s, dtype=np.float64) + SAME_S
         return np.maximum(np.searchsorted(self._rows[: self._count, 0], stamps, side="right") - 1, 0)
-
-    def _settle(self) -> None:
-        pending, self._pending = self._pending, None
-        if pending is not None and self._count:
-            rows = self._rows[: self._count]
-            rows[:, 1:] = pending.moved_poses(rows[:, 0], rows[:, 1:])

@@ -1,18 +1,16 @@
 """Relocalises the robot in a saved map by its objects and its floor."""
 
 from collections.abc import Generator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.registration.alignment import (
-    Alignment,
-    AlignmentError,
-    aligned_near,
-    aligning,
-    realigned,
-)
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligned_near, aligning, realigned
 from edgemap.geometry.registration.grid_overlap import Grids
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.config import Config
@@ -20,45 +18,54 @@ from edgemap.runtime.step.config import Config
 RETRY_AFTER = 50  # frames after which the same number of objects is worth another try
 
 
-class Relocaliser:
-    """Tries to align the map of this run with a saved one whenever it has grown, a bounded unit of work in each frame.
+@dataclass(frozen=True, eq=False)
+class SavedMap:
+    """A map that a run may continue. objects: with people's edits. grid: None without one. path: where it is saved,
+    None of one that no file holds."""
 
-    saved: the saved map's objects as they were measured; edited: with their edits. run_map: the map to build until the
-    alignment; its ids continue after the saved ones. annotations, grid: of the saved map, which have no pose in this
-    run until then. alignment: None until then. reason: why there is none yet. guesses: poses in the saved map at which
-    the run may have started (last pose, dock); they are tried first, and fewer objects confirm them.
+    objects: Sequence[MapObject] = ()
+    annotations: Annotations = NO_ANNOTATIONS
+    grid: OccupancyGrid | None = None
+    path: Path | None = None
+
+    @cached_property
+    def measured(self) -> list[MapObject]:
+        """Its objects as they were measured, deleted ones included."""
+        return self.annotations.measured(self.objects)
+
+    @cached_property
+    def ids(self) -> frozenset[str]:
+        """The ids of these."""
+        return frozenset(item.id for item in self.measured)
+
+
+class Relocaliser:
+    """Tries to align the map of this run with saved ones whenever it has grown, a bounded unit of work in each frame.
+    The one that fits alone is the robot's place; chance is counted over all of them.
+
+    saved: the one that this run continues, None until it is known. run_map: the map to build until the alignment; its
+    ids continue after those of all saved maps. alignment: None until then. reason: why there is none yet. guesses:
+    poses in a single saved map at which the run may have started (last pose, dock); they are tried first, and fewer
+    objects confirm them.
     """
 
     def __init__(
-        self,
-        edited: Sequence[MapObject],
-        config: Config,
-        guesses: Sequence[SE2] = (),
-        annotations: Annotations = NO_ANNOTATIONS,
-        grid: OccupancyGrid | None = None,
+        self, places: Sequence[SavedMap], config: Config, guesses: Sequence[SE2] = (), saved: SavedMap | None = None
     ) -> None:
-        self.saved, self.edited = annotations.measured(edited), edited
-        self.annotations, self.grid = annotations, grid
-        self.run_map: FloorMap = FloorMap.after(self.saved, config.association, config.loop_closure)
-        self._registration, self._guesses = config.registration, tuple(guesses)
+        self.places, self.saved, self._guesses = places, saved, tuple(guesses)
+        everything = [item for place in places for item in (*place.measured, *place.annotations.vanished)]
+        self.run_map: FloorMap = FloorMap.after(everything, config.association, config.loop_closure)
+        self._rule = replace(config.registration, chance=config.registration.chance / len(places))
         self.alignment: Alignment | None = None
         self.reason = "no object seen yet"
         self._count = self._frames = 0
         self._work: Generator[None, None, Alignment] | None = None
 
-    @property
-    def searching(self) -> bool:
-        """Whether the robot has yet to be relocalised in the saved map."""
-        return bool(self.saved) and self.alignment is None
-
     def align(self) -> Alignment | None:
         """The alignment, in the one call that finds it; None before and after."""
         if self.alignment is not None or not self._is_due():
             return None
-        if self._work is None:
-            if self._guesses and (alignment := self._guessed()):
-                return alignment
-            self._work = self._search()
+        self._work = self._work or self._search()
         try:
             next(self._work)
         except StopIteration as end:
@@ -67,27 +74,32 @@ class Relocaliser:
             self._work, self.reason = None, str(error)
         return self.alignment
 
-    def _guessed(self) -> Alignment | None:
-        try:
-            seen = self.run_map.objects()
-            self.alignment = aligned_near(self._guesses, self.saved, seen, self._registration, self._grids)
-        except AlignmentError as error:
-            self.reason = str(error)
-        return self.alignment
-
     def _search(self) -> Generator[None, None, Alignment]:
         """The alignment, a bounded unit of work at each step. Raises AlignmentError."""
-        found = yield from aligning(self.saved, self.run_map.objects(), self._registration, self._grids)
-        return self._as_it_is_now(found)
+        seen, fits = self.run_map.objects(), list[tuple[SavedMap, Alignment]]()
+        if self._guesses:
+            with suppress(AlignmentError):
+                (place,) = self.places
+                return aligned_near(self._guesses, place.measured, seen, self._rule, self._grids(place))
+        for place in self.places:
+            yield
+            try:
+                fits.append((place, (yield from aligning(place.measured, seen, self._rule, self._grids(place)))))
+            except AlignmentError as error:
+                self.reason = f"{place.path.name}: {error}" if place.path else str(error)
+        self._frames = 0  # the next comparison comes as long after this one's end
+        if len(fits) != 1:
+            both = " and ".join(place.path.name for place, _ in fits if place.path)
+            raise AlignmentError(f"{both} both fit" if fits else self.reason)
+        ((place, found),) = fits
+        # The map of this run has grown and moved since the work began.
+        alignment = realigned(found, place.measured, self.run_map.objects(), self._rule, self._grids(place))
+        self.saved = place
+        return alignment
 
-    def _as_it_is_now(self, alignment: Alignment) -> Alignment:
-        """The map of this run has grown and moved since the work began. Raises AlignmentError."""
-        return realigned(alignment, self.saved, self.run_map.objects(), self._registration, self._grids)
-
-    @property
-    def _grids(self) -> Grids:
+    def _grids(self, place: SavedMap) -> Grids:
         """The grids that are compared: the saved map's, and that of this run so far."""
-        return self.grid, self.run_map.grid
+        return place.grid, self.run_map.grid
 
     def _is_due(self) -> bool:
         """While a search is unfinished, and when there are more or better objects than at the last attempt."""

@@ -200,12 +200,12 @@ def test_the_place_is_the_map_that_fits_and_is_continued_with_its_names_and_zone
     before = {one.id: one for one in load_annotated_map(maps / "office")[0]}
     mapper = Mapper()
     finder = find_place(mapper)
-    sink = LivingMap(lambda: finder.path, bool, lambda: Verdict("good"))
+    sink = LivingMap(lambda: finder.saved and finder.saved.path, bool, lambda: Verdict("good"))
     for result, objects in go(mapper, ROOMS["office"], start_rad=2.0):
         sink.write(result, objects)
     sink.close()
     sink.release()
-    assert finder.path == maps / "office"
+    assert finder.saved.path == maps / "office"
     now = {one.id: one for one in mapper.objects()}
     assert [now[one].name for one in before if before[one].name] == ["mine"]
     assert all(np.hypot(*(now[one].position_m - before[one].position_m)) < 0.3 for one in before)
@@ -219,10 +219,10 @@ def test_a_place_that_no_map_is_of_stays_unknown_and_no_map_changes(maps):
     texts = {path: path.read_bytes() for path in maps.glob("*/map.json")}
     mapper = Mapper()
     finder = find_place(mapper)
-    sink = LivingMap(lambda: finder.path, bool, lambda: Verdict("good"))
+    sink = LivingMap(lambda: finder.saved and finder.saved.path, bool, lambda: Verdict("good"))
     for result, objects in go(mapper, furnished(np.random.default_rng(13), 16, apart_m=0.8)):
         sink.write(result, objects)
-    assert (finder.path, finder.searching) == (None, True)
+    assert (finder.saved, finder.alignment) == (None, None)
     assert {path: path.read_bytes() for path in maps.glob("*/map.json")} == texts
 
 
@@ -232,7 +232,7 @@ def test_two_maps_of_one_place_are_no_answer_and_without_a_named_map_there_is_no
     mapper = Mapper()
     finder = find_place(mapper)
     list(go(mapper, ROOMS["home"], start_rad=2.0))
-    assert finder.path is None
+    assert finder.saved is None
     assert "copy and home both fit" in finder.reason
     monkeypatch.setenv("EDGEMAP_DATA", str(tmp_path / "empty"))
     with pytest.raises(MapError, match="no named map"):

@@ -34,6 +34,7 @@ from edgemap.runtime.inputs.cameras.checked import CheckedCamera
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer, ImuCamera
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.step.loop import steps
+from edgemap.runtime.step.relocalisation import SavedMap
 
 LENGTH = 40  # steps of one drive
 ODD = (None, math.nan, math.inf, -math.inf, "now", [], 10**400, True, 0.0, -1.0, 1e18, 2**63)
@@ -159,7 +160,8 @@ def drive(drawn, begin_s, imu, live, placed, corners, device_of=Clocks):
     camera.update_info(wheel=wheels)
     slam = slam_of(camera, room, imu, corners)
     saved = saved_map()
-    slam.mapper.start_in(saved, SE2()) if placed else slam.mapper.relocalise_in(saved, guesses=[SE2()])
+    mapper, home = slam.mapper, SavedMap(saved)
+    mapper.start_in(home, SE2()) if placed else mapper.relocalise_in(home, guesses=[SE2()])
     checked = Checked(slam, saved)
     read = camera.read
 
@@ -231,7 +233,7 @@ def in_order(stamps_s):
 
 def driven_with(camera, room, imu, corners=False):
     slam, saved = slam_of(camera, room, imu, corners), saved_map()
-    slam.mapper.start_in(saved, SE2())
+    slam.mapper.start_in(SavedMap(saved), SE2())
     checked = Checked(slam, saved)
     for result in steps(camera, slam):
         checked(result)
@@ -315,7 +317,7 @@ def driven(start, swing_rad, seed):
     camera = drifting_camera(room, swing_rad, seed)
     slam = slam_of(camera, room, False, False)
     saved = saved_map(straight(0, swing_rad), start)
-    slam.mapper.start_in(saved, start)
+    slam.mapper.start_in(SavedMap(saved), start)
     checked, poses, corrected = Checked(slam, saved), [], []
     for result in steps(camera, slam):
         checked(result)

@@ -22,6 +22,7 @@ from edgemap.runtime.step.edit_queue import Edits, load_edits
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map, map_document, replace_map, save_map, saved_text
 from edgemap.runtime.step.mapper import WIDEST_M, Mapper
+from edgemap.runtime.step.relocalisation import SavedMap
 
 LENGTH = 50  # actions of one drive
 BOX = walls(0.0, 0.0, 8.0, 6.0)
@@ -105,16 +106,15 @@ class Edited:
 
     def start(self, where):
         """Go on in the saved map, as another run does."""
-        objects, annotations = load_annotated_map(self.folder)
-        grid = load_grid(self.folder)
+        saved = SavedMap(*load_annotated_map(self.folder), load_grid(self.folder))
         mapper = Mapper(forgetter=Forgetter(CAMERA))
         if where == "search":
-            mapper.relocalise_in(objects, annotations, grid)
+            mapper.relocalise_in(saved)
         elif where == "continue":
-            mapper.continue_map(objects, annotations, grid)
+            mapper.continue_map(saved)
         else:
             try:
-                mapper.start_in(objects, SE2(*where), annotations=annotations, grid=grid)
+                mapper.start_in(saved, SE2(*where))
             except MapError:
                 return
         self.mapper = mapper

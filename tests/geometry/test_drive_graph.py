@@ -57,8 +57,8 @@ def test_a_long_drive_stays_small_and_right():
     way = round_trip(500, turns=5.0)
     graph, poses = driven(ROOM, way, rule)
     assert len(graph.trajectory) <= 50
-    assert len(graph.landmarks.all) <= 4 * 16  # visits of each object that are kept apart
-    assert sum(len(one.keyframes) for one in graph.landmarks.all.values()) <= 50 * 16
+    assert len(graph.landmarks) <= 4 * 16  # visits of each object that are kept apart
+    assert sum(len(one.keyframes) for one in graph.landmarks.values()) <= 50 * 16
     assert worst_m(poses, way) < 0.4 * worst_m(integrated(drifting(way)), way)
 
 
@@ -69,7 +69,7 @@ def test_a_wrong_link_is_taken_back_and_the_trajectory_with_it(wrong):
 
     def each(index, update, sightings):
         if index == 100:
-            likely = [one for one in graph.landmarks.all.values() if graph.is_likely(one)]
+            likely = [one for one in graph.landmarks.values() if graph.is_likely(one)]
             first, second = (likely[row].number for row in wrong)
             graph.links[second] = first
             linked.append((second, first))
@@ -96,10 +96,10 @@ def test_a_link_needs_other_links_of_about_its_own_time():
     """Landmark 3 may be landmark 0. 1 and 2 are one object: seen long before 3, they say nothing of it."""
     graph = PoseGraph()
     for first, last in ((0, 5), (0, 5), (20, 25), (100, 105)):
-        graph.landmarks.begin("chair", 0.5, 0.0).keyframes = [first, last]
+        graph.begin("chair", 0.5).keyframes = [first, last]
     graph.links = {2: 1}
     assert witnessed(graph, {3: 0}) == {}
-    graph.landmarks.all[2].keyframes = [20, 99]
+    graph.landmarks[2].keyframes = [20, 99]
     assert witnessed(graph, {3: 0}) == {3: 0}
 
 
@@ -112,6 +112,6 @@ def test_two_visits_that_become_one_take_their_links_and_neighbours_along(placed
     graph.links = {c.number: a.number}
     graph.join(b, c)
     assert graph.links == {b.number: a.number}  # what c was linked to
-    assert sorted(graph.landmarks.all) == [a.number, b.number]
+    assert sorted(graph.landmarks) == [a.number, b.number]
     assert b.sums.count == 2
     assert b.updated == 2

@@ -48,16 +48,16 @@ def test_every_id_ever_told_is_an_object_or_says_what_it_became(placed_, seed):
     for identity in reported:
         assert (identity in floor_map._objects) != (identity in floor_map.merged)
     assert set(floor_map.merged.values()) <= floor_map._objects.keys()
-    assert sum(one.sums.count for one in floor_map.graph.landmarks.all.values()) == counts
+    assert sum(one.sums.count for one in floor_map.graph.landmarks.values()) == counts
 
 
 def visited(chairs, placed, x_m, y_m, frames, by_m=4.0):
     """A chair, in the first pose's frame, is seen from where the robot stands, which then moves on: a visit ends."""
     graph = chairs.graph
     for frame in frames:
-        if frame == frames[0] and graph.trajectory.poses:
-            graph.advance(SE2(by_m), np.eye(3) * 1e-4, frame / 10)
-        pose = graph.trajectory.pose if graph.trajectory.poses else SE2()
+        if frame == frames[0] and len(graph.trajectory):
+            graph.trajectory.advance(SE2(by_m), np.eye(3) * 1e-4, frame / 10)
+        pose = graph.trajectory.pose if len(graph.trajectory) else SE2()
         at = pose.inverse().apply([x_m, y_m])
         sighting = placed("chair", *at, frame).sighting
         chairs.update([sighting.placed(pose, np.zeros((3, 3)))])
@@ -66,9 +66,8 @@ def visited(chairs, placed, x_m, y_m, frames, by_m=4.0):
 def moved(chairs, *moves):
     """Each keyframe moves by (2,)."""
     trajectory = chairs.graph.trajectory
-    poses = trajectory.vectors() + np.column_stack([moves, np.zeros(len(moves))])
-    trajectory.set_poses(poses, np.array(trajectory.covariances), 99.0)
-    chairs.graph.place(list(chairs.graph.landmarks.all.values()))
+    poses = trajectory.poses + np.column_stack([moves, np.zeros(len(moves))])
+    trajectory.set_poses(poses, trajectory.covariances, 99.0)
     chairs.moved()
 
 
@@ -101,7 +100,7 @@ def test_many_visits_are_joined_and_no_sighting_is_lost(placed):
         chairs.bound()
     (only,) = chairs.objects()
     assert only.count == 60
-    assert len(chairs.graph.landmarks.all) <= 4
+    assert len(chairs.graph.landmarks) <= 4
     assert only.position_m == pytest.approx([2.0, 0.02], abs=0.02)
 
 
@@ -230,7 +229,7 @@ def test_weak_objects_that_are_not_seen_again_are_forgotten(placed):
         real = [placed("chair", 0.0, 0.0, frame)] if frame < 50 else []
         chairs.update([placed("chair", 5.0 + 3.0 * frame, 0.0, frame, score=0.35), *real])
         chairs.bound()
-    assert len(chairs.graph.landmarks.all) <= chairs.graph.rule.maximum + 1
+    assert len(chairs.graph.landmarks) <= chairs.graph.rule.maximum + 1
     assert [item.label for item in chairs.objects()] == ["chair"]
 
 

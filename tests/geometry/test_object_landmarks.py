@@ -8,9 +8,9 @@ from support.units import ended
 
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam import loop_hypotheses
-from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule
-from edgemap.geometry.slam.object_landmarks import Landmark, observed, place
+from edgemap.geometry.slam.object_landmarks import Landmark, observed
+from edgemap.geometry.slam.pose_graph import PoseGraph
 
 LEVEL = np.zeros(2)
 
@@ -23,11 +23,11 @@ def landmark_of(sightings, number=1):
     return landmark
 
 
-def trajectory_of(poses, covariances):
-    trajectory = KeyframeTrajectory()
-    trajectory.poses, trajectory.covariances = list(poses), list(covariances)
-    trajectory.stamps_s = [float(row) for row in range(len(poses))]
-    return trajectory
+def graph_of(poses, covariances):
+    graph = PoseGraph()
+    path = graph.trajectory
+    path.poses, path.covariances = np.array([pose.vector() for pose in poses]), np.array(covariances)
+    return graph
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -40,10 +40,10 @@ def test_the_pose_moves_a_landmark_by_its_lever(placed_, seed):
     at = random.uniform(0.5, 4.0, 2)
     one = placed_("chair", *at, 0).sighting.placed(SE2(), np.zeros((3, 3)))
     alone = landmark_of([(1, one)])
-    place([alone], trajectory_of(poses, covariances), LEVEL, 0.15)
+    graph_of(poses, covariances).place([alone])
     np.testing.assert_allclose(alone.position_m, poses[1].apply(at), atol=1e-9)
     landmark = landmark_of([(0, one), (1, one)])
-    place([landmark], trajectory_of(poses, covariances), LEVEL, 0.15)
+    graph_of(poses, covariances).place([landmark])
     parts = []
     for pose, covariance in zip(poses, covariances, strict=True):
         steps = np.eye(3) * 1e-6

@@ -23,6 +23,7 @@ from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.step.edit_queue import Edits, load_edits
 from edgemap.runtime.step.map_file import load_annotated_map, map_document, save_map
 from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.relocalisation import SavedMap
 
 POSES = round_trip(80)
 SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))
@@ -111,8 +112,8 @@ def test_what_was_edited_is_kept_by_the_map_and_by_later_runs(tmp_path):
     objects, annotations = load_annotated_map(tmp_path)
     assert json.loads((tmp_path / "map.json").read_text())["format"] == "edgemap.map/1"
     known, lost = Mapper(), Mapper()
-    known.start_in(objects, SE2(), annotations=annotations)
-    lost.relocalise_in(objects, annotations)
+    known.start_in(SavedMap(objects, annotations), SE2())
+    lost.relocalise_in(SavedMap(objects, annotations))
     assert lost.annotations().zones == ()  # it does not know yet where they are
     start = round_trip(80, start_rad=2.0)
     pose = POSES[0].inverse() @ start[0]
@@ -142,7 +143,7 @@ def test_what_was_placed_by_hand_moves_with_the_part_of_the_path_near_it():
     mapper.edit(Edit("dock", pose=(9.0, 1.0, 0.0)))
     mapper.edit(Edit("add", label="tv", place_m=(9.0, 1.5)))
     times, moves = np.array([0.0, 5.0]), np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    mapper.edits.moved(TrajectoryCorrection(times, moves, np.zeros((2, 3)), np.zeros((2, 3, 3))))
+    mapper.edits.moved(TrajectoryCorrection(times, moves))
     start, end = mapper.annotations().zones
     np.testing.assert_allclose(start.corners_m, SQUARE)
     np.testing.assert_allclose(end.corners_m, [(x, y + 1.0) for x, y in far])

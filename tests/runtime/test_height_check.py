@@ -29,6 +29,7 @@ from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.outputs.verdict.causes import CAUSES, cause_of
 from edgemap.runtime.step.map_file import load_annotated_map
 from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.relocalisation import SavedMap
 from edgemap.runtime.step.slam import SlamOptions, StepResult, build_slam
 
 LENS = Intrinsics(640, 480, 600.0, 600.0, 319.5, 239.5)
@@ -234,8 +235,8 @@ def test_trajectory_sightings_and_record_take_it_too(saved):
 def test_an_earlier_map_keeps_its_scale():
     earlier = [MapObject("chair-1", "chair", np.array([2.0, 1.0]), np.eye(2) * 0.01, 0.5, 0.9, 9, 0.9, 0.0, 1.0)]
     known, lost = Mapper(), Mapper()
-    known.start_in(earlier, SE2())
-    lost.relocalise_in(earlier)
+    known.start_in(SavedMap(earlier), SE2())
+    lost.relocalise_in(SavedMap(earlier))
     for mapper in (known, lost):
         result, _ = next(results(mapper, 0))
         assert (result.observed.scale, result.scale) == (FACTOR, 1.0)

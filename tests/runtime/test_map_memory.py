@@ -15,6 +15,7 @@ from edgemap.runtime.step import wall_clock
 from edgemap.runtime.step.map_file import load_annotated_map, save_map
 from edgemap.runtime.step.map_memory import MapMemory
 from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.relocalisation import SavedMap
 from edgemap.runtime.step.wall_clock import ClockReading, WallClock, stream_clock
 
 NOON = 1.8e9
@@ -81,7 +82,7 @@ def test_times_are_right_over_boots_with_and_without_a_clock(tmp_path):
     for boot, utc_s in enumerate([NOON, None, NOON + 7200.0]):
         mapper = Mapper()
         if boot:
-            mapper.start_in(*load_annotated_map(path)[:1], SE2(), annotations=load_annotated_map(path)[1])
+            mapper.start_in(SavedMap(*load_annotated_map(path)), SE2())
         drive(mapper, [("chair", 2.0, 0.0)], utc_s, start_s=500 - 200 * boot)
         save_map(path, mapper.objects(), mapper.annotations())
         (chair,), annotations = load_annotated_map(path)
@@ -105,8 +106,7 @@ def test_since_when_it_stands_there_is_what_each_run_between_has_observed(tmp_pa
     for boot, x_m in enumerate(places_m):
         mapper, things = Mapper(), [("couch", 3.0, 2.0), *([("chair", x_m, 0.0)] if x_m else [])]
         if boot:
-            objects, annotations = load_annotated_map(tmp_path)
-            mapper.start_in(objects, SE2(), annotations=annotations)
+            mapper.start_in(SavedMap(*load_annotated_map(tmp_path)), SE2())
         drive(mapper, things, NOON + 100.0 * boot)
         save_map(tmp_path / "map.json", mapper.objects(), mapper.annotations())
     chair, couch = load_annotated_map(tmp_path)[0]
@@ -120,7 +120,7 @@ def test_an_older_map_gets_an_id_of_its_content_and_keeps_it(tmp_path):
     assert annotations.identity == load_annotated_map(tmp_path)[1].identity
     assert (objects[0].first_seen, objects[0].history) == (None, ())
     mapper = Mapper()
-    mapper.start_in(objects, SE2(), annotations=annotations)
+    mapper.start_in(SavedMap(objects, annotations), SE2())
     identity = mapper.annotations().identity
     assert (identity.map_id, identity.generation) == (annotations.identity.map_id, 2)
 
@@ -209,7 +209,7 @@ def test_a_persons_edits_and_a_shift_are_in_the_history_and_a_loop_closure_is_no
 
 def test_the_id_of_what_has_vanished_is_not_given_again():
     gone = Annotations(vanished=tuple(mapped([("chair", 9.0, 9.0)])))
-    for enter in (lambda one: one.start_in([], SE2(), annotations=gone), lambda one: one.relocalise_in(ROOM[1:], gone)):
+    for saved, *start in ((SavedMap([], gone), SE2()), (SavedMap(ROOM[1:], gone),)):
         mapper = Mapper()
-        enter(mapper)
+        mapper.start_in(saved, *start) if start else mapper.relocalise_in(saved)
         assert [item.id for item in drive(mapper, [("chair", 2.0, 0.0)], NOON)] == ["chair-2"]

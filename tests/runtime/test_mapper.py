@@ -21,6 +21,7 @@ from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.step.frame_observations import FrameObservations
 from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.relocalisation import SavedMap
 
 
 def sight(label, x_m, y_m, sigma_m=0.05, index=0):
@@ -92,9 +93,8 @@ def test_furniture_stays_where_it_or_the_path_is_unsure_by_more_than_the_crossin
     bed = replace(mapped([("bed", 1.0, 0.2)])[0], covariance_m2=np.eye(2) * own_sigma_m**2, width_m=1.6)
     path = KeyframeTrajectory()
     path.begin(SE2(), np.diag([0.01, 0.01, 0.01]), 0.0)
-    path.is_due(SE2(1.0, 0.0, 0.0), np.zeros((3, 3)))
-    path.keep(1.0)
-    path.covariances = [np.diag([pose_sigma_m**2, pose_sigma_m**2, 0.01])] * 2
+    path.advance(SE2(1.0, 0.0, 0.0), np.zeros((3, 3)), 1.0)
+    path.covariances = np.array([np.diag([pose_sigma_m**2, pose_sigma_m**2, 0.01])] * 2)
     assert is_crossed(bed, path, 1.6) is not shown
 
 
@@ -102,7 +102,7 @@ def test_a_saved_map_keeps_the_furniture_that_the_path_crosses():
     """The path may be wrong: the bed of the file stays with its id, the one that only this run observes does not."""
     (bed,) = mapped([("bed", 1.0, 0.2)])
     mapper, camera = Mapper(), replace(CAMERA, mount=replace(CAMERA.mount, height_m=1.6))
-    mapper.start_in([bed], SE2(), (0.01, 0.01, 0.01))
+    mapper.start_in(SavedMap([bed]), SE2(), (0.01, 0.01, 0.01))
     for index in range(40):
         in_view = [sight("bed", 4.0 - 0.2 * index, 0.2, index=index)] if index < 8 else []
         motion = Motion(SE2(0.2 if index else 0.0, 0.0, 0.0), np.eye(3) * 1e-6)
@@ -122,7 +122,7 @@ def test_a_saved_chair_leaves_where_floor_is_seen_in_its_place_from_a_side_it_wa
         sightings = sightings_of(boxes, CAMERA, FloorRule(), frame, frame / 10)
         first.step(FrameObservations(frame, frame / 10, boxes, sightings, Motion(SE2(), np.zeros((3, 3)))))
     second, nothing = Mapper(forgetter=Forgetter(CAMERA)), Detections.none(("chair",))
-    second.start_in(first.objects(), SE2(2.0, -2.5, math.pi / 2.0), (0.01, 0.01, 0.01))
+    second.start_in(SavedMap(first.objects()), SE2(2.0, -2.5, math.pi / 2.0), (0.01, 0.01, 0.01))
     mask = FloorMask(np.full((48, 64), floor, dtype=np.float32), 640, 480)
     for frame in range(12):
         motion = Motion(SE2(0.0 if frame % 2 else 0.2, 0.0, 0.0) if frame < 2 else SE2(0.0, 0.0, 0.2 * (-1) ** frame))
@@ -135,7 +135,7 @@ def test_what_stands_there_now_replaces_what_a_saved_map_has_in_its_place():
     (suitcase,) = mapped([("suitcase", 2.0, 0.0)])
     for pictures, label in ((2, "suitcase"), (10, "potted plant")):
         mapper = Mapper()
-        mapper.start_in([replace(suitcase, count=30)], SE2(), (0.01, 0.01, 0.01))
+        mapper.start_in(SavedMap([replace(suitcase, count=30)]), SE2(), (0.01, 0.01, 0.01))
         for index in range(pictures):
             found = [sight("potted plant", 2.05, 0.0, index=index)]
             mapper.step(observed(index, found, Motion(SE2(), np.zeros((3, 3)))))
@@ -147,7 +147,7 @@ def test_the_alignment_is_part_of_the_pose_covariance_after_relocalisation():
     *_, (_, saved) = drive(Mapper(), ROOM, (poses := round_trip(80)), exact(poses), 7)
     poses = round_trip(80, start_rad=2.0)
     mapper = Mapper()
-    mapper.relocalise_in(saved)
+    mapper.relocalise_in(SavedMap(saved))
     motions = [Motion(motion.motion, np.diag([1e-6, 1e-6, 1e-7])) for motion in exact(poses)]
     before = None
     for result, _ in drive(mapper, ROOM, poses, motions, 1):

@@ -18,6 +18,7 @@ from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.edit_queue import Edits
 from edgemap.runtime.step.map_file import load_map, map_document, save_map
 from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.relocalisation import SavedMap
 
 
 def go(mapper, start_rad=0.0, seed=1, room=ROOM, count=80):
@@ -64,7 +65,7 @@ def test_a_saved_map_without_new_sightings_stays_as_it_is(saved):
 
 def test_an_unknown_start_is_found_by_the_objects(saved, tmp_path):
     known, mapper = in_room(saved, START), Mapper()
-    mapper.relocalise_in(saved)
+    mapper.relocalise_in(SavedMap(saved))
     folder = RunFolder(tmp_path / "run", FLOOR, {})
     moved = []
     for index, (result, objects) in enumerate(go(mapper, start_rad=2.0)):
@@ -99,7 +100,7 @@ def test_an_unknown_start_is_found_by_the_objects(saved, tmp_path):
 
 def test_an_id_means_one_thing_before_and_after(saved):
     mapper = Mapper()
-    mapper.relocalise_in(saved)
+    mapper.relocalise_in(SavedMap(saved))
     taken, own = {item.id for item in saved}, set()
     for result, _ in go(mapper, start_rad=2.0):
         if mapper.relocaliser.alignment is None:
@@ -111,7 +112,7 @@ def test_an_id_means_one_thing_before_and_after(saved):
 def test_another_room_is_not_taken_for_the_saved_one(saved):
     other = furnished(np.random.default_rng(12), 16, apart_m=0.8)
     mapper = Mapper()
-    mapper.relocalise_in(saved)
+    mapper.relocalise_in(SavedMap(saved))
     for result, _ in go(mapper, room=other):
         assert result.relocated is None
     assert mapper.relocaliser.alignment is None
@@ -122,7 +123,7 @@ def test_another_room_is_not_taken_for_the_saved_one(saved):
 def test_saved_chairs_side_by_side_stay_two():
     saved = mapped([("chair", 2.0, 0.0), ("chair", 2.3, 0.0)])
     mapper = Mapper()
-    mapper.start_in(saved, SE2())
+    mapper.start_in(SavedMap(saved), SE2())
     still = [SE2()] * 30
     *_, (_, objects) = drive(mapper, [("chair", 2.0, 0.0), ("chair", 2.3, 0.0)], still, exact(still))
     assert [item.id for item in objects] == ["chair-1", "chair-2"]
@@ -140,8 +141,8 @@ def first_found(results):
 
 def test_a_right_guess_is_proved_sooner_than_a_search_finds_it(saved):
     searching, guessing = Mapper(), Mapper()
-    searching.relocalise_in(saved)
-    guessing.relocalise_in(saved, guesses=[SE2(30.0, 0.0, 0.0), THERE])
+    searching.relocalise_in(SavedMap(saved))
+    guessing.relocalise_in(SavedMap(saved), guesses=[SE2(30.0, 0.0, 0.0), THERE])
     searched, guessed = driven(searching, 2.0), driven(guessing, 2.0)
     assert first_found(guessed) < first_found(searched)
     assert off_m(guessed[-1][0].pose_map_base, END) < 0.3
@@ -150,7 +151,7 @@ def test_a_right_guess_is_proved_sooner_than_a_search_finds_it(saved):
 def test_a_robot_that_was_carried_off_is_not_where_it_was_left(saved):
     """A wrong guess costs nothing: the objects refute it, and find the place as without it."""
     mapper = Mapper()
-    mapper.relocalise_in(saved, guesses=[SE2(THERE.x_m + 2.0, THERE.y_m, THERE.yaw_rad + 1.5), SE2()])
+    mapper.relocalise_in(SavedMap(saved), guesses=[SE2(THERE.x_m + 2.0, THERE.y_m, THERE.yaw_rad + 1.5), SE2()])
     *_, (result, _) = driven(mapper, 2.0)
     assert off_m(result.pose_map_base, END) < 0.3
 
@@ -159,8 +160,8 @@ def test_a_robot_that_was_carried_off_is_not_where_it_was_left(saved):
 def test_a_map_is_continued_at_its_last_pose_or_its_dock_whichever_is_right(saved, at_last):
     docked, found = Mapper(), Mapper()
     dock, last = (SE2(30.0, 0.0, 0.0), THERE) if at_last else (THERE, None)
-    docked.continue_map(saved, Annotations(dock=dock, last_pose=last), None)
-    found.relocalise_in(saved, guesses=[THERE])
+    docked.continue_map(SavedMap(saved, Annotations(dock=dock, last_pose=last)))
+    found.relocalise_in(SavedMap(saved), guesses=[THERE])
     assert first_found(driven(docked, 2.0)) == first_found(driven(found, 2.0))
 
 
@@ -176,7 +177,7 @@ def test_chance_proves_no_guess(seed):
 @pytest.mark.parametrize("in_dock", [False, True])
 def test_a_pose_that_is_set_ends_the_search(saved, in_dock):
     mapper = Mapper()
-    mapper.relocalise_in(saved, Annotations(dock=THERE))
+    mapper.relocalise_in(SavedMap(saved, Annotations(dock=THERE)))
     assert mapper.searching
     assert mapper.annotations().dock is None  # it is in a frame that the robot has yet to find
     pose = Edit("pose", "dock") if in_dock else Edit("pose", pose=(THERE.x_m, THERE.y_m, THERE.yaw_rad))
@@ -229,7 +230,7 @@ def test_a_pose_far_from_the_map_is_refused_and_loses_nothing(saved, far):
             mapper.edit(edit)
     assert (mapper.pose_map_base, [item.id for item in mapper.objects()]) == before
     with pytest.raises(MapError, match="too far: the map would be more than 50 m wide"):
-        Mapper().start_in(saved, SE2(*far))
+        Mapper().start_in(SavedMap(saved), SE2(*far))
 
 
 @pytest.mark.parametrize("x_m", [1e6 + 1.0, float("nan"), float("inf")])

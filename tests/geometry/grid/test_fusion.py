@@ -140,7 +140,7 @@ def test_a_correction_moves_what_was_seen_with_the_poses_it_was_seen_from():
         wrong.observe(off @ pose, index / 10, CAMERA, mask, NOBODY, NOBODY)
     stamps = np.arange(0, 40, 5) / 10
     moves = np.tile([0.0, -0.3, 0.0], (len(stamps), 1))
-    wrong.moved(TrajectoryCorrection(stamps, moves, np.zeros((8, 3)), np.zeros((8, 3, 3))))
+    wrong.moved(TrajectoryCorrection(stamps, moves))
     after_it = settled(wrong, 4.0, poses[-1])
     true = settled(right, 4.0, poses[-1])
     points = np.concatenate([true.centres_m(true.cells == FREE), occupied_m(true)])
@@ -188,7 +188,7 @@ def test_an_office_of_500_square_metres_takes_less_than_20_mb(tmp_path):
                 fusion.observe(pose, stamp_s, CAMERA, mask, NOBODY, NOBODY)
                 stamp_s += 0.5
         move = np.array([[0.04, 0.0, 0.0]])
-        fusion.moved(TrajectoryCorrection(np.zeros(1), move, np.zeros((1, 3)), np.zeros((1, 3, 3))))
+        fusion.moved(TrajectoryCorrection(np.zeros(1), move))
         assert tracemalloc.get_traced_memory()[0] < 20e6
     tracemalloc.stop()
     grid = settled(fusion, stamp_s, SE2(0.5, 18.8, math.pi))
