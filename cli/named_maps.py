@@ -31,8 +31,8 @@ class PlaceFinder(Relocaliser):
         for folder in folders:
             objects, annotations = load_annotated_map(folder)
             self._maps.append(Relocaliser(objects, config, annotations=annotations, grid=load_grid(folder)))
-        everything = [item for place in self._maps for item in (*place.saved, *place.annotations.vanished)]
-        self.run_map = FloorMap.after(everything, config.association, config.loop_closure)
+        ids = [item.id for place in self._maps for item in (*place.saved, *place.annotations.vanished)]
+        self.run_map = FloorMap(config.association, config.loop_closure, ids)
         rule = replace(config.registration, chance=config.registration.chance / max(len(folders), 1))
         for place in self._maps:
             place.run_map, place._registration = self.run_map, rule

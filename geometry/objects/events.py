@@ -14,7 +14,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.rooms import Room, polygon_m2
-from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.map_object import Ids, MapObject, as_places, id_order
 from edgemap.geometry.objects.annotations import (
     LONGEST_NAME,
     MAXIMUM_CORNERS,
@@ -23,7 +23,6 @@ from edgemap.geometry.objects.annotations import (
     Annotations,
     Corners,
     Zone,
-    corners_of,
 )
 from edgemap.geometry.objects.class_posterior import least_spacing_m
 from edgemap.geometry.objects.floor_map import FloorMap
@@ -173,13 +172,13 @@ class MapEvents:
     """
 
     _events: _Events = field(default_factory=dict)
-    _zones_issued: int = 0
+    _zone_ids: Ids = field(default_factory=Ids)
     _folded: tuple[list[MapObject], _Fold] | None = None
 
     @classmethod
     def after(cls, zones: Iterable[Zone]) -> "MapEvents":
         """No edits yet; new zones are numbered after these."""
-        return cls(_zones_issued=max((id_order(zone.id)[1] for zone in zones), default=0))
+        return cls(_zone_ids=Ids(zone.id for zone in zones))
 
     @classmethod
     def of(cls, saved: Iterable[MapObject], annotations: Annotations) -> "MapEvents":
@@ -212,7 +211,7 @@ class MapEvents:
         places = _poses(edit)[:, :2]
         if np.isnan(places).any():  # a yaw alone moves with its object
             places = shown[edit.id].position_m[None]
-        event = _Event(edit, anchors(corners_of(places)) if len(places) else None, labels)
+        event = _Event(edit, anchors(as_places(places)) if len(places) else None, labels)
         before = self._events.get(key)
         if before is not None and edit.do == "correct":
             moves_alone = before.edit.place_m is None and edit.yaw_rad is not None
@@ -326,8 +325,7 @@ class MapEvents:
         if not edit.name:
             raise EditError("a zone has a name")
         _check_name(edit.name, "a name")
-        self._zones_issued += not edit.id
-        return replace(edit, id=edit.id or f"zone-{self._zones_issued}")
+        return replace(edit, id=edit.id or self._zone_ids.new("zone"))
 
 
 def joined(parts: Sequence[MapObject]) -> MapObject:
@@ -400,7 +398,7 @@ def _at(edit: Edit, poses: Array) -> Edit:
     if edit.corners_m:
         corners_m = np.array(edit.corners_m)
         moved_m = SE2(x_m, y_m, yaw_rad).apply(corners_m - corners_m.mean(axis=0))
-        return replace(edit, corners_m=corners_of(moved_m))
+        return replace(edit, corners_m=as_places(moved_m))
     if edit.pose is not None:
         return replace(edit, pose=(x_m, y_m, yaw_rad))
     place_m = None if edit.place_m is None else (x_m, y_m)

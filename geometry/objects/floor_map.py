@@ -18,7 +18,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.map_object import Ids, MapObject, as_places, id_order
 from edgemap.geometry.objects.association import AssociationRule, Estimate, grouped
 from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
@@ -46,17 +46,19 @@ class _Object:
 
 
 class FloorMap:
-    """Objects of landmarks, fed frame by frame; deterministic ids such as `chair-3` in order of appearance. graph: the
-    landmarks and the trajectory that observed them."""
+    """Objects of landmarks, fed frame by frame; deterministic ids such as `chair-3` in order of appearance, none of
+    those that are `taken` by an earlier map. graph: the landmarks and the trajectory that observed them."""
 
-    def __init__(self, rule: AssociationRule | None = None, graph: GraphRule | None = None) -> None:
+    def __init__(
+        self, rule: AssociationRule | None = None, graph: GraphRule | None = None, taken: Iterable[str] = ()
+    ) -> None:
         self.rule = rule or AssociationRule()
         self.graph = PoseGraph(graph, self.rule.min_count)
         self.merged: dict[str, str] = {}
         self._objects: dict[str, _Object] = {}
         self._owner: dict[int, _Object] = {}  # by landmark
         self._cells: defaultdict[str, Cells[int]] = defaultdict(Cells)  # the landmarks of each label, by number
-        self._issued: Counter[str] = Counter()
+        self._ids = Ids(taken)
         self._frames = 0
         self._changed: dict[str, None] = {}
         self._overlaps = Overlaps(self.rule.overlap)
@@ -67,15 +69,6 @@ class FloorMap:
         self._unfitted: dict[str, None] = {}  # ids of objects whose outlines have changed, oldest first
 
     @classmethod
-    def after(
-        cls, saved: Sequence[MapObject], rule: AssociationRule | None = None, graph: GraphRule | None = None
-    ) -> "FloorMap":
-        """An empty map whose ids continue after an earlier map's, so that no id is used twice."""
-        floor_map = cls(rule, graph)
-        floor_map.reserve(saved)
-        return floor_map
-
-    @classmethod
     def continued(
         cls,
         saved: Sequence[MapObject],
@@ -83,16 +76,18 @@ class FloorMap:
         graph: GraphRule | None = None,
         before: "FloorMap | None" = None,
         merged: Mapping[str, str] | None = None,
+        taken: Iterable[str] = (),
     ) -> "FloorMap":
         """A map that continues an earlier one, whose objects stay unchanged until they are observed again. before,
-        merged: after a relocalisation, the map of this run so far and the new ids of its objects. Raises MapError for a
-        repeated id.
+        merged: after a relocalisation, the map of this run so far and the new ids of its objects. taken: more ids that
+        none gets. Raises MapError for a repeated id.
         """
-        floor_map = cls.after(saved, rule, graph)
-        if len({item.id for item in saved}) < len(saved):
-            raise MapError(f"{len(saved)} objects share {len({item.id for item in saved})} ids: the map is damaged")
+        ids = {item.id for item in saved}
+        if len(ids) < len(saved):
+            raise MapError(f"{len(saved)} objects share {len(ids)} ids: the map is damaged")
+        floor_map = cls(rule, graph, (*ids, *taken))
         if before is not None:
-            floor_map._issued |= before._issued
+            floor_map._ids |= before._ids
             floor_map.merged = {old: (merged or {}).get(new, new) for old, new in before.merged.items()}
             floor_map.merged |= {old: new for old, new in (merged or {}).items() if old != new}
         for item in saved:
@@ -104,12 +99,6 @@ class FloorMap:
             floor_map._objects[item.id] = floor_map._owner[landmark.number] = entry
             floor_map._change(item.id)
         return floor_map
-
-    def reserve(self, items: Iterable[MapObject]) -> None:
-        """Never gives an id of these to another object."""
-        for item in items:
-            label, number = id_order(item.id)
-            self._issued[label] = max(self._issued[label], number)
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Updates the map with all sightings of one frame. Returns the id of each one's object."""
@@ -210,7 +199,7 @@ class FloorMap:
         groups.sort(key=lambda group: min((one.sums.first_seen_s, one.number) for one in group))
         homes = self._homes(groups, list(before))
         for group, names in zip(groups, homes, strict=True):
-            identity = names[0] if names else self._new_id(label)
+            identity = names[0] if names else self._ids.new(label)
             presence = max((before[name].presence for name in names), default=1.0)
             footprint = before[names[0]].footprint if names else None
             item = self._objects[identity] = _Object(identity, label, group, presence, footprint=footprint)
@@ -255,10 +244,6 @@ class FloorMap:
             share, home = shares[identity], saved.get(identity)
             homes[min(share, key=lambda number: (number != home, -share[number], number))].append(identity)
         return homes
-
-    def _new_id(self, label: str) -> str:
-        self._issued[label] += 1
-        return f"{label}-{self._issued[label]}"
 
     def _rename(self, renamed: dict[str, str]) -> None:
         """Maps ids that no longer exist to those that replaced them."""
@@ -380,4 +365,4 @@ def outermost(places_m: Array, position_m: Array) -> tuple[tuple[float, float], 
     sector = np.floor((np.arctan2(away_m[:, 1], away_m[:, 0]) / math.tau + 0.5) * DIRECTIONS) % DIRECTIONS
     farthest_first = np.argsort(-np.square(away_m).sum(axis=1), kind="stable")
     rows = np.sort(farthest_first[np.unique(sector[farthest_first], return_index=True)[1]])
-    return tuple((x_m, y_m) for x_m, y_m in places_m[rows].tolist())
+    return as_places(places_m[rows])

@@ -1,12 +1,12 @@
 """`--clustering paper`: single linkage per label at 1 m over all sightings (paper, section 3.7)."""
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.map_object import MapObject, SightingSums, id_order
+from edgemap.geometry.map_object import Ids, MapObject, SightingSums, id_order
 from edgemap.geometry.observations.sighting import PlacedSighting
 
 
@@ -45,7 +45,7 @@ class PaperMap:
     def __init__(self) -> None:
         self.merged: dict[str, str] = {}
         self._clusters: defaultdict[str, list[_Cluster]] = defaultdict(list)  # of each label, the oldest first
-        self._issued: Counter[str] = Counter()
+        self._ids = Ids()
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Adds one frame's sightings. Returns the id of each one's object."""
@@ -65,8 +65,7 @@ class PaperMap:
         away_m2 = [np.square(one.positions_m - placed.position_map_m).sum(axis=1).min() for one in clusters]
         near = [one for one, distance_m2 in zip(clusters, away_m2, strict=True) if distance_m2 <= 1.0]
         if not near:
-            self._issued[placed.label] += 1
-            near = [_Cluster(f"{placed.label}-{self._issued[placed.label]}")]
+            near = [_Cluster(self._ids.new(placed.label))]
             clusters += near
         kept, *gone = near
         for other in gone:

@@ -135,8 +135,8 @@ class Mapper:
         self.memory.enter(saved, annotations, grid)
         saved = annotations.measured(saved)
         self._saved_ids = frozenset(item.id for item in saved)
-        self.map = FloorMap.continued(saved, self.config.association, self.config.loop_closure)
-        self.map.reserve(annotations.vanished)
+        vanished = [item.id for item in annotations.vanished]
+        self.map = FloorMap.continued(saved, self.config.association, self.config.loop_closure, taken=vanished)
         self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
 
     def continue_map(self, saved: Sequence[MapObject], annotations: Annotations, grid: OccupancyGrid | None) -> None:
@@ -166,7 +166,6 @@ class Mapper:
         """
         self.relocaliser = Relocaliser(saved, self.config, guesses, annotations, grid)
         self.map = self.relocaliser.run_map
-        self.map.reserve(annotations.vanished)
         self.edits = MapEvents.after(annotations.zones)
         self.enter_place(self.relocaliser)
 

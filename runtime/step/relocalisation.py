@@ -39,7 +39,8 @@ class Relocaliser:
     ) -> None:
         self.saved, self.edited = annotations.measured(edited), edited
         self.annotations, self.grid = annotations, grid
-        self.run_map: FloorMap = FloorMap.after(self.saved, config.association, config.loop_closure)
+        ids = [item.id for item in (*self.saved, *annotations.vanished)]
+        self.run_map: FloorMap = FloorMap(config.association, config.loop_closure, ids)
         self._registration, self._guesses = config.registration, tuple(guesses)
         self.alignment: Alignment | None = None
         self.reason = "no object seen yet"
