@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array
-from edgemap.geometry.map_object import REPEATED, MapObject, SightingSums
+from edgemap.geometry.map_object import REPEATED, SightingSums
 from edgemap.geometry.objects.class_posterior import OverlapRule
 from edgemap.geometry.objects.footprint import FootprintRule
 from edgemap.geometry.slam.object_landmarks import Landmark, LandmarkRule
@@ -31,7 +31,7 @@ class Estimate:
     of an earlier map that is part of this object, if any; the object is then shown regardless of its evidence.
     """
 
-    def __init__(self, landmarks: Sequence[Landmark], centre_m2: float) -> None:
+    def __init__(self, landmarks: Sequence[Landmark], rule: LandmarkRule) -> None:
         self.sums, self._own = SightingSums(), SightingSums()  # of all runs, and of this one
         for landmark in landmarks:
             self.sums.join(landmark.sums)
@@ -45,24 +45,20 @@ class Estimate:
             information, vector = information + weight, vector + weight @ one.position_m
             shared = shared + one.shared_m2 * (one.sums.count / self.sums.count)
         fused_m2 = np.linalg.inv(information)
+        centre_m2 = rule.centre_m2(sum(one.extent_m * one.sums.count for one in landmarks) / self.sums.count)
         self.position_m: Array = fused_m2 @ vector
         self.covariance_m2: Array = fused_m2 + np.eye(2) * centre_m2 + shared + first.first_m2
 
-    def as_object(self, identity: str, label: str, rule: AssociationRule) -> MapObject:
-        """Converts the estimate to an object of the map. Its confidence is the probability that such an object is real,
-        and at least its confidence in an earlier map.
-        """
-        plain = self.sums.as_object(identity, label, self.position_m, self.covariance_m2)
-        return replace(plain, confidence=max(self._real(rule), self.saved.confidence if self.saved else 0.0))
-
-    def _real(self, rule: AssociationRule) -> float:
+    def confidence(self, rule: AssociationRule) -> float:
         """Probability that an object with these sightings, of this run only, is real: the odds of their mean score to
-        the power of their evidence over the evidence that an object needs. Consecutive pictures count as one.
+        the power of their evidence over the evidence that an object needs. Consecutive pictures count as one. At least
+        the confidence in an earlier map.
         """
+        saved = self.saved.confidence if self.saved else 0.0
         if self._own.count == 0:
-            return 0.0
+            return saved
         odds = self._own.weight / REPEATED / rule.min_count * math.exp(self._own.score_log_odds)
-        return odds / (1.0 + odds)
+        return max(odds / (1.0 + odds), saved)
 
 
 def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkRule) -> list[list[Landmark]]:

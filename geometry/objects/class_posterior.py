@@ -1,7 +1,7 @@
 """Class posterior of an object: overlapping estimates are one object, even if the detected label changes."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from edgemap.geometry.arrays import Array
@@ -66,7 +66,6 @@ class Overlaps:
         self.rule = rule or OverlapRule()
         self.members: dict[str, list[Candidate]] = {}
         self._candidates: dict[str, Candidate] = {}
-        self._near: dict[str, set[str]] = {}
         self._cells = Cells[str]()
         self._best: dict[str, str] = {}
         self._changed: set[str] = set()
@@ -78,25 +77,15 @@ class Overlaps:
     def update(self, candidate: Candidate) -> None:
         """Add a candidate, or change it."""
         self.remove(candidate.id)
-        reach_m = APART * _extent_m(candidate)
-        within = self.within(candidate.position_m, reach_m)
-        near = {identity for identity in within if self._overlap(candidate, self._candidates[identity])}
-        for other in near:
-            self._near[other].add(candidate.id)
-        self._candidates[candidate.id], self._near[candidate.id] = candidate, near
+        self._candidates[candidate.id] = candidate
         self._cells.set(candidate.id, candidate.position_m)
-        self._changed |= {candidate.id, *near}
 
     def remove(self, identity: str) -> None:
         """Remove a candidate, if it is there."""
-        candidate = self._candidates.pop(identity, None)
-        if candidate is None:
-            return
-        near = self._near.pop(identity)
-        for other in near:
-            self._near[other].discard(identity)
-        self._cells.remove(identity)
-        self._changed |= {identity, *near, *(item.id for item in self.members.get(self.best(identity), ()))}
+        if self._candidates.pop(identity, None) is not None:
+            self._cells.remove(identity)
+        # What it was better than may be an object, and what it was part of may show it no longer.
+        self._changed |= {identity, *(item.id for item in self.members.get(self.best(identity), ()))}
 
     def within(self, point_m: Array, reach_m: float) -> list[str]:
         """Ids of the candidates within a distance of a point (2,), in a deterministic order."""
@@ -104,44 +93,43 @@ class Overlaps:
 
     def settle(self) -> set[str]:
         """Repeats the overlap decision around all changes. Returns the ids of objects that changed or disappeared."""
-        changed, self._changed = self._connected(self._changed), set()
-        touched = changed | {self.best(identity) for identity in changed}
+        near: dict[str, list[str]] = {}  # of all that a change may reach
+        while self._changed:
+            identity = self._changed.pop()
+            near[identity] = self._overlapping(identity)
+            self._changed |= {other for other in near[identity] if other not in near}
+        touched = near.keys() | {self.best(identity) for identity in near}
         for identity in touched:
             self.members.pop(identity, None)
             self._best.pop(identity, None)
-        left = [self._candidates[identity] for identity in changed if identity in self._candidates]
+        left = [self._candidates[identity] for identity in near if identity in self._candidates]
         for candidate in sorted(left, key=lambda item: (-item.evidence, item.id)):
             if candidate.id in self._best:
                 continue
             self._best[candidate.id], members = candidate.id, [candidate]
-            for identity in sorted(self._near[candidate.id]):
+            for identity in sorted(near[candidate.id]):
                 if identity not in self._best:
                     self._best[identity] = candidate.id
                     members.append(self._candidates[identity])
             self.members[candidate.id] = members
         return touched
 
-    def _connected(self, identities: Iterable[str]) -> set[str]:
-        reached = set(identities)
-        new = set(reached)
-        while new:
-            new = set[str]().union(*(self._near.get(identity, set()) for identity in new)) - reached
-            reached |= new
-        return reached
+    def _overlapping(self, identity: str) -> list[str]:
+        """Ids of all that cannot stand where a candidate stands; none where it was removed."""
+        if (one := self._candidates.get(identity)) is None:
+            return []
+        within = self.within(one.position_m, APART * extent_m(one.label, one.width_m))
+        return [other for other in within if other != identity and self._overlap(one, self._candidates[other])]
 
     def _overlap(self, a: Candidate, b: Candidate) -> bool:
         if a.label == b.label:
             less, more = sorted((a.evidence, b.evidence))
             if less >= self.rule.far_less * more:
                 return False
-            near_m = APART * min(_extent_m(a), _extent_m(b))
+            near_m = APART * min(extent_m(item.label, item.width_m) for item in (a, b))
         elif shares_floor(a.label, b.label):
             return False
         else:
             near_m = APART * min(*footprint_m(a.label, a.width_m), *footprint_m(b.label, b.width_m))
         x_m, y_m = a.position_m - b.position_m
         return x_m * x_m + y_m * y_m < near_m * near_m
-
-
-def _extent_m(candidate: Candidate) -> float:
-    return extent_m(candidate.label, candidate.width_m)

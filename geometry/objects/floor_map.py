@@ -7,9 +7,8 @@ moves with the keyframes that observed it.
 """
 
 import math
-from bisect import bisect_left
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import combinations, islice
 
@@ -62,8 +61,7 @@ class FloorMap:
         self._frames = 0
         self._changed: dict[str, None] = {}
         self._overlaps = Overlaps(self.rule.overlap)
-        self._shown: dict[str, MapObject] = {}
-        self._ordered: list[MapObject] = []  # what is shown, by id
+        self._shown: dict[str, MapObject] = {}  # by id, in its order
         self._listed: list[MapObject] | None = []
         self.grid: OccupancyGrid | None = None  # that footprints are fitted to
         self._unfitted: dict[str, None] = {}  # ids of objects whose outlines have changed, oldest first
@@ -108,14 +106,8 @@ class FloorMap:
         landmarks = self.graph.observe(sightings, self._frames)
         for label in dict.fromkeys(placed.label for placed in sightings):
             same_label = [one for one in landmarks if one.label == label]
-            for one in same_label:
-                self._cells[label].set(one.number, one.position_m)
             changed = [one for one in same_label if before.get(one.number) != (one.last, len(one.distinct))]
-            if changed:
-                self._group(label, changed)
-            for one in same_label:
-                self._change(self._owner[one.number].id)
-            self._unfitted |= dict.fromkeys(self._owner[one.number].id for one in changed)
+            self._place(label, same_label, changed)
         self._fit_footprints()
         return [self._owner[one.number].id for one in landmarks]
 
@@ -130,10 +122,7 @@ class FloorMap:
             self._remove(item.id)
         in_view = set(self.graph.landmarks.in_view(self.graph.trajectory.odometer_m))
         for item in self._objects.values():
-            visits = [one for one in item.landmarks if one.saved is None]
-            most = self.graph.rule.visits
-            while len(visits) > most and self._join_oldest(item, [one for one in visits if one not in in_view]):
-                visits = [one for one in item.landmarks if one.saved is None]
+            self._join_visits(item, in_view)
         gone = {number for number, one in self.graph.landmarks.all.items() if one.gone}
         if gone:
             self.graph.remove(gone)
@@ -142,7 +131,7 @@ class FloorMap:
         """Objects with enough evidence, one in each place, ordered by id."""
         self._refresh()
         if self._listed is None:
-            self._listed = self._ordered.copy()
+            self._listed = list(self._shown.values())
         return self._listed
 
     def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
@@ -162,12 +151,8 @@ class FloorMap:
         for one in self.graph.landmarks.all.values():
             if one.keyframes and one.number in self._owner:
                 moved[one.label].append(one)
-                self._cells[one.label].set(one.number, one.position_m)
         for label, landmarks in moved.items():
-            self._group(label, landmarks)
-            for one in landmarks:
-                self._change(self._owner[one.number].id)
-                self._unfitted[self._owner[one.number].id] = None
+            self._place(label, landmarks, landmarks)
 
     def set_presence(self, identity: str, probability: float) -> None:
         """Sets the probability that an object is still there, which scales its confidence."""
@@ -189,6 +174,16 @@ class FloorMap:
         self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
         self.graph.place(list(self.graph.landmarks.all.values()))
         self.moved()
+
+    def _place(self, label: str, landmarks: Sequence[Landmark], changed: Sequence[Landmark]) -> None:
+        """Landmarks of a label have new positions. changed: those among them whose association is repeated."""
+        for one in landmarks:
+            self._cells[label].set(one.number, one.position_m)
+        if changed:
+            self._group(label, changed)
+        for one in landmarks:
+            self._change(self._owner[one.number].id)
+        self._unfitted |= dict.fromkeys(self._owner[one.number].id for one in changed)
 
     def _group(self, label: str, changed: Sequence[Landmark]) -> None:
         """Repeats the association of all landmarks within reach of these."""
@@ -218,17 +213,17 @@ class FloorMap:
         numbers |= {one.number for owner in owners.values() for one in owner.landmarks}
         return [self.graph.landmarks.all[number] for number in sorted(numbers)]
 
-    def _join_oldest(self, item: _Object, visits: Sequence[Landmark]) -> bool:
-        """Joins the two oldest of these visits to an object. Returns whether there were two."""
-        for kept, gone in combinations(sorted(visits, key=lambda one: one.number), 2):
-            if not kept.is_distinct(gone):
-                self.graph.join(kept, gone)
-                item.landmarks.remove(gone)
-                self._cells[item.label].remove(gone.number)
-                del self._owner[gone.number]
-                self._change(item.id)
-                return True
-        return False
+    def _join_visits(self, item: _Object, in_view: Set[Landmark]) -> None:
+        """Joins the oldest visits to an object until few are left; those that are in view go on."""
+        while len(visits := [one for one in item.landmarks if one.saved is None]) > self.graph.rule.visits:
+            ended = sorted((one for one in visits if one not in in_view), key=lambda one: one.number)
+            pairs = ((kept, gone) for kept, gone in combinations(ended, 2) if not kept.is_distinct(gone))
+            if (pair := next(pairs, None)) is None:
+                return
+            self.graph.join(*pair)
+            self._release(item, pair[1])
+            item.landmarks.remove(pair[1])
+            self._change(item.id)
 
     def _homes(self, groups: list[list[Landmark]], ids: list[str]) -> list[list[str]]:
         """Ids that each group keeps, oldest first: an id stays with the object of an earlier map that had it,
@@ -258,9 +253,13 @@ class FloorMap:
         item = self._objects.pop(identity)
         for one in item.landmarks:
             one.gone = True
-            del self._owner[one.number]
-            self._cells[item.label].remove(one.number)
+            self._release(item, one)
         self._change(identity)
+
+    def _release(self, item: _Object, landmark: Landmark) -> None:
+        """A landmark leaves the map."""
+        del self._owner[landmark.number]
+        self._cells[item.label].remove(landmark.number)
 
     def _change(self, identity: str) -> None:
         self._changed[identity] = None
@@ -270,9 +269,7 @@ class FloorMap:
     def _estimate(self, item: _Object) -> Estimate:
         """The object's estimate from its landmarks."""
         if item.estimate is None:
-            extent_m = sum(one.extent_m * one.sums.count for one in item.landmarks)
-            extent_m /= sum(one.sums.count for one in item.landmarks)
-            item.estimate = Estimate(item.landmarks, self.graph.rule.landmarks.centre_m2(extent_m))
+            item.estimate = Estimate(item.landmarks, self.graph.rule.landmarks)
         return item.estimate
 
     def _refresh(self) -> None:
@@ -287,21 +284,16 @@ class FloorMap:
                 position_m, sums = self._estimate(item).position_m, self._estimate(item).sums
                 width_m, evidence = sums.width_m / sums.count, sums.weight * sums.confidence
                 self._overlaps.update(Candidate(identity, item.label, position_m, width_m, evidence))
-        self._changed = {}
+        self._changed, self._listed, appeared = {}, None, False
         for identity in self._overlaps.settle():
             members = self._overlaps.members.get(identity)
-            self._show(identity, self._as_map_object(members) if members else None)
-        self._listed = None
-
-    def _show(self, identity: str, shown: MapObject | None) -> None:
-        """Shows or hides an object at its place in the order, so that a large map is not sorted again."""
-        listed, key = identity in self._shown, (id_order(identity), identity)
-        at = bisect_left(self._ordered, key, key=lambda item: (id_order(item.id), item.id))
-        if shown is None and listed:
-            del self._shown[identity], self._ordered[at]
-        elif shown is not None:
-            self._shown[identity] = shown
-            self._ordered[at : at + listed] = [shown]
+            if members and (shown := self._as_map_object(members)):
+                appeared |= identity not in self._shown
+                self._shown[identity] = shown
+            else:
+                self._shown.pop(identity, None)
+        if appeared:
+            self._shown = dict(sorted(self._shown.items(), key=lambda entry: (id_order(entry[0]), entry[0])))
 
     def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
         """Candidates in one place as one object; None where their evidence together does not suffice."""
@@ -319,13 +311,13 @@ class FloorMap:
             confidence = estimate.saved.confidence * best.presence
             labels = estimate.saved.labels or labels
             return replace(estimate.saved, id=best.id, confidence=confidence, labels=labels)
-        plain = estimate.as_object(best.id, best.label, self.rule)
-        places = outermost(self._views(best.landmarks), plain.position_m)
-        shape, at = estimate.saved and estimate.saved.measured, plain.position_m
+        shape, at = estimate.saved and estimate.saved.measured, estimate.position_m
         if best.footprint is not None:
             shape, at = best.footprint.shape, at + best.footprint.offset_m
-        confidence = plain.confidence * best.presence
-        return replace(plain, position_m=at, confidence=confidence, seen_from_m=places, labels=labels, measured=shape)
+        plain = estimate.sums.as_object(best.id, best.label, at, estimate.covariance_m2)
+        places = outermost(self._views(best.landmarks), estimate.position_m)
+        confidence = estimate.confidence(self.rule) * best.presence
+        return replace(plain, confidence=confidence, seen_from_m=places, labels=labels, measured=shape)
 
     def _fit_footprints(self) -> None:
         """Fits the footprints of a few objects whose outlines have changed, the oldest change first."""
