@@ -102,7 +102,7 @@ def merge_all(
     groups, rest = list[MergedMaps](), list(maps) if base is None else [base]
     while rest:
         objects, annotations = maps[rest[0]]
-        exact = {rest[0]: Alignment.exact(SE2())}
+        exact = {rest[0]: Alignment(SE2())}
         groups.append(grown(MergedMaps(list(objects), annotations, exact, {}, grids.get(rest[0])), rest))
         rest = [name for name in rest if name not in groups[-1].alignments]
     if not groups:

@@ -295,9 +295,8 @@ class Mapper:
         pose, covariance = SE2(*edit.pose), np.diag(np.square(edit.sigmas or START_SIGMAS))
         if self.relocaliser is not None and self.relocaliser.searching:
             back = self.pose_map_base.inverse()
-            place = Alignment.exact(pose @ back)
-            covariance_a_b = compose_covariance(pose, covariance, back, np.zeros((3, 3)))
-            self._join_saved_map(self.relocaliser, replace(place, covariance=covariance_a_b))
+            place = Alignment(pose @ back, compose_covariance(pose, covariance, back, np.zeros((3, 3))))
+            self._join_saved_map(self.relocaliser, place)
             self.relocaliser.alignment = place
         else:
             measured = self.map.objects()
