@@ -5,7 +5,7 @@ drops its event.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
@@ -39,6 +39,7 @@ ADDED = "-added"  # between label and number of the id of an object that a perso
 PLACED_SIGMA_M = 0.05  # for a position that a person sets on a map: a finger's width at the usual zoom
 SMALLEST_M, LARGEST_M = 0.02, 20.0  # limits of a size that a person sets; a zone is larger than the smallest square
 USUAL_WIDTH_M = 0.5  # of an added object whose class has no usual size
+STATED = {"label": "label", "position": "place_m", "size": "size_m", "yaw": "yaw_rad"}  # by an `Edit`, as `CORRECTABLE`
 
 Anchors = Callable[[Corners], np.ndarray]
 
@@ -96,9 +97,6 @@ class _Fold:
         self.objects = {item.id: item for item in measured.objects()}
         self.became: dict[str, str] = {}
         self.deleted: list[MapObject] = []
-        self.zones: dict[str, Zone] = {}
-        self.rooms: dict[str, Room] = {}
-        self.dock: SE2 | None = None
         for event in events.values():
             self._apply(event)
         for item in [item for item in self.objects.values() if item.confirmed and item.confidence < 1.0]:
@@ -112,41 +110,29 @@ class _Fold:
             identity = self.became[identity]
         return identity
 
-    def change(self, identity: str, changed: Callable[[MapObject], MapObject]) -> None:
-        """Replaces an object, if it is there."""
-        root = self.root(identity)
-        if root in self.objects:
-            self.objects[root] = changed(self.objects[root])
-
     def join(self, identity: str, into: str) -> None:
         """Makes two objects one, if both are there."""
         identity, into = self.root(identity), self.root(into)
         if identity != into and {identity, into} <= self.objects.keys():
-            self.objects[into] = joined([self.objects[into], self.objects.pop(identity)])
+            self.objects[into] = joined(self.objects[into], self.objects.pop(identity))
             self.became[identity] = into
 
     def _apply(self, event: _Event) -> None:
-        edit = event.edit
-        if edit.do == "name":
-            self.change(edit.id, lambda item: replace(item, name=edit.name))
-        elif edit.do == "confirm":
-            self.change(edit.id, lambda item: replace(item, confirmed=edit.on))
-        elif edit.do == "correct":
-            self.change(edit.id, lambda item: _corrected(item, edit))
-        elif edit.do == "add":
+        edit, item = event.edit, self.objects.get(self.root(event.edit.id))
+        if edit.do == "add":
             self._add(event)
+        elif item is None:  # it is no longer there, or the edit is of no object
+            return
+        elif edit.do == "name":
+            self.objects[item.id] = replace(item, name=edit.name)
+        elif edit.do == "confirm":
+            self.objects[item.id] = replace(item, confirmed=edit.on)
+        elif edit.do == "correct":
+            self.objects[item.id] = _corrected(item, edit)
         elif edit.do == "merge":
-            self.join(edit.id, edit.into)
-        elif edit.do == "delete":
-            item = self.objects.get(self.root(edit.id))
-            if item is not None and item.label in event.labels:  # under another label it is something else by now
-                self.deleted.append(self.objects.pop(item.id))
-        elif edit.do == "zone":
-            self.zones[edit.id] = Zone(edit.id, edit.name, edit.corners_m)
-        elif edit.do == "room":
-            self.rooms[edit.id] = Room(edit.id, edit.corners_m, name=edit.name)
-        elif edit.do == "dock":
-            self.dock = edit.pose and SE2(*edit.pose)
+            self.join(item.id, edit.into)
+        elif item.label in event.labels:  # deleted; under another label it is something else by now
+            self.deleted.append(self.objects.pop(item.id))
 
     def _add(self, event: _Event) -> None:
         """Detections of its class in its place become part of it; the place is that of the latest correction."""
@@ -183,19 +169,18 @@ class MapEvents:
     @classmethod
     def of(cls, saved: Iterable[MapObject], annotations: Annotations) -> "MapEvents":
         """The edits that a saved map holds."""
-        edits = list[Edit]()
-        for item in (*saved, *annotations.deleted):
-            edits += [Edit("name", item.id, name=item.name)] if item.name else []
-            edits += [Edit("confirm", item.id)] if item.confirmed else []
-            edits += [_correction_of(item)] if item.corrected else []
+        items = (*saved, *annotations.deleted)
+        edits = [Edit("name", item.id, name=item.name) for item in items if item.name]
+        edits += [Edit("confirm", item.id) for item in items if item.confirmed]
+        edits += [_correction_of(item) for item in items if item.corrected]
         edits += [Edit("zone", zone.id, zone.name, corners_m=zone.corners_m) for zone in annotations.zones]
         edits += [Edit("room", room.id, room.name, corners_m=room.corners_m) for room in annotations.rooms if room.name]
         if (dock := annotations.dock) is not None:
             edits.append(Edit("dock", "dock", pose=(dock.x_m, dock.y_m, dock.yaw_rad)))
+        events = [_Event(edit) for edit in edits]
+        events += [_Event(Edit("delete", item.id), labels=_labels(item)) for item in annotations.deleted]
         made = cls.after(annotations.zones)
-        made._events = {(edit.do, edit.id): _Event(edit) for edit in edits}
-        for item in annotations.deleted:
-            made._events["delete", item.id] = _Event(Edit("delete", item.id), labels=_labels(item))
+        made._events = {(event.edit.do, event.edit.id): event for event in events}
         return made
 
     def take(self, edit: Edit, measured: FloorMap, anchors: Anchors) -> str:
@@ -231,8 +216,11 @@ class MapEvents:
         """Current zones, deleted objects, dock and named rooms."""
         if not self._events:
             return NO_ANNOTATIONS
-        fold = self._fold(measured)
-        return Annotations(tuple(fold.zones.values()), tuple(fold.deleted), fold.dock, tuple(fold.rooms.values()))
+        edits = [event.edit for event in self._events.values()]
+        zones = (Zone(edit.id, edit.name, edit.corners_m) for edit in edits if edit.do == "zone")
+        rooms = (Room(edit.id, edit.corners_m, name=edit.name) for edit in edits if edit.do == "room")
+        dock = next((SE2(*edit.pose) for edit in edits if edit.do == "dock" and edit.pose), None)
+        return Annotations(tuple(zones), tuple(self._fold(measured).deleted), dock, tuple(rooms))
 
     def kept(self, measured: FloorMap) -> frozenset[str]:
         """Ids of the measured map that a person has confirmed or named: they are not forgotten."""
@@ -328,14 +316,12 @@ class MapEvents:
         return replace(edit, id=edit.id or self._zone_ids.new("zone"))
 
 
-def joined(parts: Sequence[MapObject]) -> MapObject:
-    """Joins objects under the first one's id; the label is the most probable by all of them, or the stated one."""
-    item = parts[0]
-    for part in parts[1:]:
-        item = fused(item, part, LandmarkRule())
-    if len(parts) > 1 and item.labels:
-        item = replace(item, label=max(item.labels, key=lambda label: (item.labels[label], label == item.label)))
-    return item
+def joined(ours: MapObject, theirs: MapObject) -> MapObject:
+    """Joins two objects under the first one's id; the label is the most probable by both, or the stated one."""
+    item = fused(ours, theirs, LandmarkRule())
+    return replace(
+        item, label=max(item.labels, key=lambda label: (item.labels[label], label == item.label), default=item.label)
+    )
 
 
 def _corrected(item: MapObject, edit: Edit) -> MapObject:
@@ -354,20 +340,14 @@ def _corrected(item: MapObject, edit: Edit) -> MapObject:
 
 def _correction_of(item: MapObject) -> Edit:
     """The correction that is stored in a saved object."""
-    x_m, y_m = item.position_m.tolist()
-    return Edit(
-        "correct",
-        item.id,
-        label=item.label if "label" in item.corrected else "",
-        place_m=(x_m, y_m) if "position" in item.corrected else None,
-        size_m=(item.width_m, item.depth_m or item.width_m, item.height_m) if "size" in item.corrected else None,
-        yaw_rad=item.yaw_rad if "yaw" in item.corrected else None,
-    )
+    size_m = item.width_m, item.depth_m or item.width_m, item.height_m
+    values: dict[str, Any] = {"label": item.label, "position": item.place_m, "size": size_m, "yaw": item.yaw_rad}
+    return Edit("correct", item.id, **{STATED[word]: values[word] for word in item.corrected})
 
 
 def _updated(older: Edit, newer: Edit) -> Edit:
     """A correction with the values replaced that a newer one states."""
-    stated = {name: getattr(newer, name) for name in ("label", "place_m", "size_m", "yaw_rad")}
+    stated = {name: getattr(newer, name) for name in STATED.values()}
     return replace(older, **{name: value for name, value in stated.items() if value not in ("", None)})
 
 
