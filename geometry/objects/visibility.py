@@ -33,8 +33,6 @@ def expected_boxes(objects: Sequence[MapObject], camera: FloorCamera, pose_map_b
     """Projects each object's upright cylinder (footprint's circle, mean height) to a box (N, 4), x0 y0 x1 y1 px as
     detectors count; NaN where a part of it is behind the camera.
     """
-    if not objects:
-        return np.zeros((0, 4))
     centres = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))
     radii = np.array([radius_m(item) for item in objects])
     heights = np.array([item.height_m for item in objects])
@@ -82,8 +80,6 @@ def floor_in_place(
     """Which objects have visible floor in their place, (N,): at the position and all round its ellipse of one standard
     deviation, where that is large enough for the mask. No wall stands before it then, wherever the robot is.
     """
-    if not objects:
-        return np.zeros(0, dtype=bool)
     turns = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
     circle = np.column_stack([np.append(np.cos(turns), 0.0), np.append(np.sin(turns), 0.0)])
     ellipses = circle @ np.linalg.cholesky([item.covariance_m2 for item in objects]).transpose(0, 2, 1)
