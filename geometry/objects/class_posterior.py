@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.map_object import REPEATED, MapObject
-from edgemap.geometry.objects.cells import Cells
+from edgemap.geometry.objects.positions import Positions
 from edgemap.geometry.observations.class_extents import extent_m, footprint_m, shares_floor
 
 APART = 0.8  # smallest distance of two objects: share of the smaller one's extent, or shorter side where labels differ
@@ -66,7 +66,7 @@ class Overlaps:
         self.rule = rule or OverlapRule()
         self.members: dict[str, list[Candidate]] = {}
         self._candidates: dict[str, Candidate] = {}
-        self._cells = Cells[str]()
+        self._positions = Positions[str]()
         self._best: dict[str, str] = {}
         self._changed: set[str] = set()
 
@@ -78,18 +78,18 @@ class Overlaps:
         """Add a candidate, or change it."""
         self.remove(candidate.id)
         self._candidates[candidate.id] = candidate
-        self._cells.set(candidate.id, candidate.position_m)
+        self._positions.set(candidate.id, candidate.position_m)
 
     def remove(self, identity: str) -> None:
         """Remove a candidate, if it is there."""
         if self._candidates.pop(identity, None) is not None:
-            self._cells.remove(identity)
+            self._positions.remove(identity)
         # What it was better than may be an object, and what it was part of may show it no longer.
         self._changed |= {identity, *(item.id for item in self.members.get(self.best(identity), ()))}
 
     def within(self, point_m: Array, reach_m: float) -> list[str]:
         """Ids of the candidates within a distance of a point (2,), in a deterministic order."""
-        return self._cells.within(point_m, reach_m)
+        return self._positions.within(point_m, reach_m)
 
     def settle(self) -> set[str]:
         """Repeats the overlap decision around all changes. Returns the ids of objects that changed or disappeared."""

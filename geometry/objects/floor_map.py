@@ -19,9 +19,9 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import Ids, MapObject, as_places, id_order
 from edgemap.geometry.objects.association import AssociationRule, Estimate, grouped
-from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
 from edgemap.geometry.objects.footprint import DIRECTIONS, FittedFootprint, fitted
+from edgemap.geometry.objects.positions import Positions
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
@@ -56,7 +56,7 @@ class FloorMap:
         self.merged: dict[str, str] = {}
         self._objects: dict[str, _Object] = {}
         self._owner: dict[int, _Object] = {}  # by landmark
-        self._cells: defaultdict[str, Cells[int]] = defaultdict(Cells)  # the landmarks of each label, by number
+        self._positions: defaultdict[str, Positions[int]] = defaultdict(Positions)  # of each label's landmarks
         self._ids = Ids(taken)
         self._frames = 0
         self._changed: dict[str, None] = {}
@@ -92,7 +92,7 @@ class FloorMap:
             landmark = floor_map.graph.add_saved(item)
             # Enough for an object, so that what stands there now outweighs what stood there.
             landmark.sums.weight = min(landmark.sums.weight, float(floor_map.rule.min_count))
-            floor_map._cells[item.label].set(landmark.number, landmark.position_m)
+            floor_map._positions[item.label].set(landmark.number, landmark.position_m)
             entry = _Object(item.id, item.label, [landmark])
             floor_map._objects[item.id] = floor_map._owner[landmark.number] = entry
             floor_map._change(item.id)
@@ -178,7 +178,7 @@ class FloorMap:
     def _place(self, label: str, landmarks: Sequence[Landmark], changed: Sequence[Landmark]) -> None:
         """Landmarks of a label have new positions. changed: those among them whose association is repeated."""
         for one in landmarks:
-            self._cells[label].set(one.number, one.position_m)
+            self._positions[label].set(one.number, one.position_m)
         if changed:
             self._group(label, changed)
         for one in landmarks:
@@ -205,10 +205,10 @@ class FloorMap:
 
     def _around(self, label: str, changed: Sequence[Landmark]) -> list[Landmark]:
         """These landmarks, all within reach of one of them, and all others of the same objects."""
-        if len(self._cells[label]) == len(changed):
+        if len(self._positions[label]) == len(changed):
             return sorted(changed, key=lambda one: one.number)
-        reach_m, cells = self.graph.rule.landmarks.reach_m, self._cells[label]
-        numbers = {number for one in changed for number in cells.within(one.position_m, reach_m)}
+        reach_m, near = self.graph.rule.landmarks.reach_m, self._positions[label]
+        numbers = {number for one in changed for number in near.within(one.position_m, reach_m)}
         owners = {owner.id: owner for number in numbers if (owner := self._owner.get(number))}
         numbers |= {one.number for owner in owners.values() for one in owner.landmarks}
         return [self.graph.landmarks.all[number] for number in sorted(numbers)]
@@ -259,7 +259,7 @@ class FloorMap:
     def _release(self, item: _Object, landmark: Landmark) -> None:
         """A landmark leaves the map."""
         del self._owner[landmark.number]
-        self._cells[item.label].remove(landmark.number)
+        self._positions[item.label].remove(landmark.number)
 
     def _change(self, identity: str) -> None:
         self._changed[identity] = None
