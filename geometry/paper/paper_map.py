@@ -19,18 +19,6 @@ class _Cluster:
     covariance_sum: Array = field(default_factory=lambda: np.zeros((2, 2)))
     sums: SightingSums = field(default_factory=SightingSums)
 
-    def add(self, placed: PlacedSighting) -> None:
-        """Adds a sighting."""
-        self.positions_m = np.concatenate([self.positions_m, placed.position_map_m[None]])
-        self.covariance_sum += placed.covariance_m2 + placed.shared_m2 + placed.from_pose(placed.pose_covariance)
-        self.sums.add(placed)
-
-    def join(self, other: "_Cluster") -> None:
-        """Adds the sightings of another cluster."""
-        self.positions_m = np.concatenate([self.positions_m, other.positions_m])
-        self.covariance_sum += other.covariance_sum
-        self.sums.join(other.sums)
-
 
 class PaperMap:
     """The paper's objects: sightings of a label within the threshold of each other are one object, so neighbouring
@@ -68,10 +56,13 @@ class PaperMap:
             near = [_Cluster(self._ids.new(placed.label))]
             clusters += near
         kept, *gone = near
+        kept.positions_m = np.concatenate([*(one.positions_m for one in near), placed.position_map_m[None]])
         for other in gone:
-            kept.join(other)
+            kept.covariance_sum += other.covariance_sum
+            kept.sums.join(other.sums)
             clusters.remove(other)
             self.merged = {old: kept.id if new == other.id else new for old, new in self.merged.items()}
             self.merged[other.id] = kept.id
-        kept.add(placed)
+        kept.covariance_sum += placed.covariance_m2 + placed.shared_m2 + placed.from_pose(placed.pose_covariance)
+        kept.sums.add(placed)
         return kept.id
