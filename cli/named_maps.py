@@ -8,7 +8,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.events import MapEvents
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligning
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map
@@ -49,11 +49,11 @@ class PlaceFinder(Relocaliser):
 
     def _search(self) -> Generator[None, None, Alignment]:
         """The alignment with the one map that is accepted."""
-        fits, seen = dict[int, Alignment](), self.run_map.objects()
-        for number, place in enumerate(self._maps):
+        fits, compared = dict[int, Alignment](), [place._compared() for place in self._maps]
+        for number, registration in enumerate(compared):
             yield
             try:
-                fits[number] = yield from aligning(place.saved, seen, place._registration, place._grids)
+                fits[number] = yield from registration.aligning()
             except AlignmentError as error:
                 self.reason = f"{self._folders[number].name}: {error}"
         self._frames = 0  # the next comparison comes as long after this one's end

@@ -6,14 +6,7 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.registration.alignment import (
-    Alignment,
-    AlignmentError,
-    aligned_near,
-    aligning,
-    realigned,
-)
-from edgemap.geometry.registration.grid_overlap import Grids
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, Registration
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.config import Config
 
@@ -70,25 +63,24 @@ class Relocaliser:
 
     def _guessed(self) -> Alignment | None:
         try:
-            seen = self.run_map.objects()
-            self.alignment = aligned_near(self._guesses, self.saved, seen, self._registration, self._grids)
+            self.alignment = self._compared().aligned_near(self._guesses)
         except AlignmentError as error:
             self.reason = str(error)
         return self.alignment
 
     def _search(self) -> Generator[None, None, Alignment]:
         """The alignment, a bounded unit of work at each step. Raises AlignmentError."""
-        found = yield from aligning(self.saved, self.run_map.objects(), self._registration, self._grids)
+        found = yield from self._compared().aligning()
         return self._as_it_is_now(found)
 
     def _as_it_is_now(self, alignment: Alignment) -> Alignment:
         """The map of this run has grown and moved since the work began. Raises AlignmentError."""
-        return realigned(alignment, self.saved, self.run_map.objects(), self._registration, self._grids)
+        return self._compared().realigned(alignment)
 
-    @property
-    def _grids(self) -> Grids:
-        """The grids that are compared: the saved map's, and that of this run so far."""
-        return self.grid, self.run_map.grid
+    def _compared(self) -> Registration:
+        """Objects and grids of the saved map and of this run so far."""
+        grids = self.grid, self.run_map.grid
+        return Registration(self.saved, self.run_map.objects(), self._registration, grids)
 
     def _is_due(self) -> bool:
         """While a search is unfinished, and when there are more or better objects than at the last attempt."""
