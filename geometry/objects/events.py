@@ -7,6 +7,7 @@ drops its event.
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from edgemap.geometry.objects.annotations import (
     Corners,
     Zone,
 )
-from edgemap.geometry.objects.class_posterior import least_spacing_m
+from edgemap.geometry.objects.candidates import least_spacing_m
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.merge import CORRECTABLE, fused
 from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
@@ -193,10 +194,10 @@ class MapEvents:
         shown = {item.id: item for item in self.shown(measured)}
         edit = self._checked(edit, shown)
         key, labels = (edit.do, edit.id), _labels(shown[edit.id]) if edit.do == "delete" else frozenset[str]()
-        places = _poses(edit)[:, :2]
-        if np.isnan(places).any():  # a yaw alone moves with its object
-            places = shown[edit.id].position_m[None]
-        event = _Event(edit, anchors(as_places(places)) if len(places) else None, labels)
+        place_m = np.mean(edit.corners_m, axis=0) if edit.corners_m else edit.pose[:2] if edit.pose else edit.place_m
+        if place_m is None and edit.yaw_rad is not None:  # a yaw alone moves with its object
+            place_m = shown[edit.id].position_m
+        event = _Event(edit, None if place_m is None else anchors(as_places(place_m)), labels)
         before = self._events.get(key)
         if before is not None and edit.do == "correct":
             moves_alone = before.edit.place_m is None and edit.yaw_rad is not None
@@ -250,8 +251,7 @@ class MapEvents:
         """Moves the places that were set in this run. move: takes stamps (N,) and poses (N, 3) to poses now."""
         for key, event in self._events.items():
             if event.anchors_s is not None:
-                edit = _at(event.edit, move(event.anchors_s, _poses(event.edit)))
-                self._events[key] = event._replace(edit=edit)
+                self._events[key] = event._replace(edit=_moved(event.edit, partial(move, event.anchors_s)))
         self._folded = None
 
     def _fold(self, measured: FloorMap) -> _Fold:
@@ -269,6 +269,7 @@ class MapEvents:
 
     def _checked(self, edit: Edit, shown: dict[str, MapObject]) -> Edit:
         """Validates an edit and gives a new zone or object its id. Raises EditError where the map does not allow it."""
+        _check_name(edit.name, "a name")
         if edit.do == "zone":
             return self._checked_zone(edit)
         if edit.do == "dock":
@@ -276,7 +277,6 @@ class MapEvents:
                 raise EditError("a dock needs a pose: x, y and yaw")
             return replace(edit, id="dock")
         if edit.do == "room":
-            _check_name(edit.name, "a name")
             if not edit.id or not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS:
                 raise EditError("a room has an id and an outline")
             return edit
@@ -287,7 +287,6 @@ class MapEvents:
         for identity in (edit.id, edit.into) if edit.do == "merge" else (edit.id,):
             if identity not in shown:
                 raise EditError(f"no object {identity!r} on the map")
-        _check_name(edit.name, "a name")
         if edit.do == "merge" and edit.id == edit.into:
             raise EditError(f"{edit.id!r} cannot be merged with itself")
         return edit
@@ -312,7 +311,6 @@ class MapEvents:
             raise EditError(f"a zone has 3 to {MAXIMUM_CORNERS} corners around at least {SMALLEST_M**2:g} m2")
         if not edit.name:
             raise EditError("a zone has a name")
-        _check_name(edit.name, "a name")
         return replace(edit, id=edit.id or self._zone_ids.new("zone"))
 
 
@@ -326,16 +324,15 @@ def joined(ours: MapObject, theirs: MapObject) -> MapObject:
 
 def _corrected(item: MapObject, edit: Edit) -> MapObject:
     """The object with the values that an edit states."""
-    stated = {
-        "label": edit.label and (edit.label, {edit.label: 1.0}),
-        "position": edit.place_m and (np.array(edit.place_m), np.eye(2) * PLACED_SIGMA_M**2),
-        "size": edit.size_m,
-        "yaw": None if edit.yaw_rad is None else (edit.yaw_rad,),
-    }
-    words = tuple(word for word in CORRECTABLE if stated[word] or word in item.corrected)
-    rows = [(CORRECTABLE[word], row) for word, row in stated.items() if row]
-    values: dict[str, Any] = {name: value for names, row in rows for name, value in zip(names, row, strict=True)}
-    return replace(item, corrected=words, **values)
+    values: dict[str, Any] = {"label": edit.label, "labels": {edit.label: 1.0}} if edit.label else {}
+    if edit.place_m is not None:
+        values |= {"position_m": np.array(edit.place_m), "covariance_m2": np.eye(2) * PLACED_SIGMA_M**2}
+    if edit.size_m is not None:
+        values |= zip(CORRECTABLE["size"], edit.size_m, strict=True)
+    if edit.yaw_rad is not None:
+        values["yaw_rad"] = edit.yaw_rad
+    words = (word for word, (name, *_) in CORRECTABLE.items() if name in values or word in item.corrected)
+    return replace(item, corrected=tuple(words), **values)
 
 
 def _correction_of(item: MapObject) -> Edit:
@@ -361,28 +358,16 @@ def _check_values(edit: Edit) -> None:
     _check_name(edit.label, "a label")
 
 
-def _poses(edit: Edit) -> Array:
-    """Place of an edit as poses (1, 3), of a zone its middle; none where it has no place. A yaw without a position has
-    the position NaN.
-    """
-    if edit.pose is not None:
-        return np.array([edit.pose])
-    if edit.place_m is not None or edit.yaw_rad is not None:
-        return np.array([(*(edit.place_m or (math.nan, math.nan)), edit.yaw_rad or 0.0)])
-    return np.array([(*np.mean(edit.corners_m, axis=0), 0.0)]) if edit.corners_m else np.zeros((0, 3))
-
-
-def _at(edit: Edit, poses: Array) -> Edit:
-    """The edit at another pose (1, 3)."""
-    x_m, y_m, yaw_rad = poses[0].tolist()
+def _moved(edit: Edit, move: Callable[[Array], Array]) -> Edit:
+    """The edit at another place, a zone as one piece. move: takes poses (1, 3) to others."""
+    place_m, corners_m = edit.place_m or (math.nan, math.nan), np.array(edit.corners_m)
+    before = (*corners_m.mean(axis=0), 0.0) if edit.corners_m else edit.pose or (*place_m, edit.yaw_rad or 0.0)
+    x_m, y_m, yaw_rad = move(np.array([before]))[0].tolist()
     if edit.corners_m:
-        corners_m = np.array(edit.corners_m)
-        moved_m = SE2(x_m, y_m, yaw_rad).apply(corners_m - corners_m.mean(axis=0))
-        return replace(edit, corners_m=as_places(moved_m))
-    if edit.pose is not None:
+        return replace(edit, corners_m=as_places(SE2(x_m, y_m, yaw_rad).apply(corners_m - before[:2])))
+    if edit.pose:
         return replace(edit, pose=(x_m, y_m, yaw_rad))
-    place_m = None if edit.place_m is None else (x_m, y_m)
-    return replace(edit, place_m=place_m, yaw_rad=None if edit.yaw_rad is None else yaw_rad)
+    return replace(edit, place_m=edit.place_m and (x_m, y_m), yaw_rad=None if edit.yaw_rad is None else yaw_rad)
 
 
 def _labels(item: MapObject) -> frozenset[str]:

@@ -9,7 +9,7 @@ moves with the keyframes that observed it.
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations, islice
 
 import numpy as np
@@ -18,9 +18,9 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import Ids, MapObject, as_places, id_order
-from edgemap.geometry.objects.association import AssociationRule, Estimate, grouped
-from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
-from edgemap.geometry.objects.footprint import DIRECTIONS, FittedFootprint, fitted
+from edgemap.geometry.objects.association import AssociationRule, grouped
+from edgemap.geometry.objects.candidates import Candidate, Overlaps, label_posterior
+from edgemap.geometry.objects.footprint import DIRECTIONS, fitted
 from edgemap.geometry.objects.positions import Positions
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
@@ -29,19 +29,6 @@ from edgemap.geometry.trajectory_correction import composed
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
 FITTED = 2  # footprints at most in one update, which bounds its time
-
-
-@dataclass(slots=True, eq=False)
-class _Object:
-    """Landmarks of one label that are one object. presence: probability that it still stands there. estimate: None
-    until asked for. footprint: as last fitted."""
-
-    id: str
-    label: str
-    landmarks: list[Landmark]
-    presence: float = 1.0
-    estimate: Estimate | None = None
-    footprint: FittedFootprint | None = None
 
 
 class FloorMap:
@@ -54,8 +41,8 @@ class FloorMap:
         self.rule = rule or AssociationRule()
         self.graph = PoseGraph(graph, self.rule.min_count)
         self.merged: dict[str, str] = {}
-        self._objects: dict[str, _Object] = {}
-        self._owner: dict[int, _Object] = {}  # by landmark
+        self._objects: dict[str, Candidate] = {}
+        self._owner: dict[int, Candidate] = {}  # by landmark
         self._positions: defaultdict[str, Positions[int]] = defaultdict(Positions)  # of each label's landmarks
         self._ids = Ids(taken)
         self._frames = 0
@@ -93,7 +80,7 @@ class FloorMap:
             # Enough for an object, so that what stands there now outweighs what stood there.
             landmark.sums.weight = min(landmark.sums.weight, float(floor_map.rule.min_count))
             floor_map._positions[item.label].set(landmark.number, landmark.position_m)
-            entry = _Object(item.id, item.label, [landmark])
+            entry = Candidate(item.id, item.label, [landmark])
             floor_map._objects[item.id] = floor_map._owner[landmark.number] = entry
             floor_map._change(item.id)
         return floor_map
@@ -137,7 +124,7 @@ class FloorMap:
     def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
         """The objects within a distance of a point (2,), ordered by id."""
         self._refresh()
-        ids = [identity for identity in self._overlaps.within(point_m, reach_m) if identity in self._shown]
+        ids = [identity for identity in self._overlaps.positions.within(point_m, reach_m) if identity in self._shown]
         return [self._shown[identity] for identity in sorted(ids, key=id_order)]
 
     def shown_as(self, identity: str) -> str:
@@ -192,12 +179,12 @@ class FloorMap:
         rule = self.graph.rule.landmarks
         groups = grouped(affected, [self.graph.root(one.number) for one in affected], rule)
         groups.sort(key=lambda group: min((one.sums.first_seen_s, one.number) for one in group))
-        homes = self._homes(groups, list(before))
+        homes = self._homes(groups)
         for group, names in zip(groups, homes, strict=True):
             identity = names[0] if names else self._ids.new(label)
             presence = max((before[name].presence for name in names), default=1.0)
             footprint = before[names[0]].footprint if names else None
-            item = self._objects[identity] = _Object(identity, label, group, presence, footprint=footprint)
+            item = self._objects[identity] = Candidate(identity, label, group, presence, footprint)
             self._change(identity)
             for one in group:
                 self._owner[one.number] = item
@@ -205,15 +192,13 @@ class FloorMap:
 
     def _around(self, label: str, changed: Sequence[Landmark]) -> list[Landmark]:
         """These landmarks, all within reach of one of them, and all others of the same objects."""
-        if len(self._positions[label]) == len(changed):
-            return sorted(changed, key=lambda one: one.number)
-        reach_m, near = self.graph.rule.landmarks.reach_m, self._positions[label]
-        numbers = {number for one in changed for number in near.within(one.position_m, reach_m)}
+        places_m, reach_m = [one.position_m for one in changed], self.graph.rule.landmarks.reach_m
+        numbers = set(self._positions[label].within(places_m, reach_m))
         owners = {owner.id: owner for number in numbers if (owner := self._owner.get(number))}
         numbers |= {one.number for owner in owners.values() for one in owner.landmarks}
         return [self.graph.landmarks.all[number] for number in sorted(numbers)]
 
-    def _join_visits(self, item: _Object, in_view: Set[Landmark]) -> None:
+    def _join_visits(self, item: Candidate, in_view: Set[Landmark]) -> None:
         """Joins the oldest visits to an object until few are left; those that are in view go on."""
         while len(visits := [one for one in item.landmarks if one.saved is None]) > self.graph.rule.visits:
             ended = sorted((one for one in visits if one not in in_view), key=lambda one: one.number)
@@ -225,17 +210,17 @@ class FloorMap:
             item.landmarks.remove(pair[1])
             self._change(item.id)
 
-    def _homes(self, groups: list[list[Landmark]], ids: list[str]) -> list[list[str]]:
+    def _homes(self, groups: list[list[Landmark]]) -> list[list[str]]:
         """Ids that each group keeps, oldest first: an id stays with the object of an earlier map that had it,
         else it goes to the group with most of its sightings."""
-        shares: dict[str, Counter[int]] = {identity: Counter() for identity in ids}
+        shares: defaultdict[str, Counter[int]] = defaultdict(Counter)
         for number, group in enumerate(groups):
             for one in group:
                 if (owner := self._owner.get(one.number)) is not None:
                     shares[owner.id][number] += one.sums.count
         saved = {one.saved.id: number for number, group in enumerate(groups) for one in group if one.saved}
         homes: list[list[str]] = [[] for _ in groups]
-        for identity in sorted(ids, key=id_order):
+        for identity in sorted(shares, key=id_order):
             share, home = shares[identity], saved.get(identity)
             homes[min(share, key=lambda number: (number != home, -share[number], number))].append(identity)
         return homes
@@ -256,7 +241,7 @@ class FloorMap:
             self._release(item, one)
         self._change(identity)
 
-    def _release(self, item: _Object, landmark: Landmark) -> None:
+    def _release(self, item: Candidate, landmark: Landmark) -> None:
         """A landmark leaves the map."""
         del self._owner[landmark.number]
         self._positions[item.label].remove(landmark.number)
@@ -264,13 +249,7 @@ class FloorMap:
     def _change(self, identity: str) -> None:
         self._changed[identity] = None
         if (item := self._objects.get(identity)) is not None:
-            item.estimate = None
-
-    def _estimate(self, item: _Object) -> Estimate:
-        """The object's estimate from its landmarks."""
-        if item.estimate is None:
-            item.estimate = Estimate(item.landmarks, self.graph.rule.landmarks)
-        return item.estimate
+            item.is_estimated = False
 
     def _refresh(self) -> None:
         """Updates what the map shows of everything that changed since the last call."""
@@ -281,9 +260,8 @@ class FloorMap:
             if item is None:
                 self._overlaps.remove(identity)
             else:
-                position_m, sums = self._estimate(item).position_m, self._estimate(item).sums
-                width_m, evidence = sums.width_m / sums.count, sums.weight * sums.confidence
-                self._overlaps.update(Candidate(identity, item.label, position_m, width_m, evidence))
+                item.estimate(self.graph.rule.landmarks)
+                self._overlaps.update(item)
         self._changed, self._listed, appeared = {}, None, False
         for identity in self._overlaps.settle():
             members = self._overlaps.members.get(identity)
@@ -297,27 +275,22 @@ class FloorMap:
 
     def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
         """Candidates in one place as one object; None where their evidence together does not suffice."""
-        items = [self._objects[candidate.id] for candidate in members]
-        best, estimates = items[0], [self._estimate(item) for item in items]
-        named: dict[str, float] = defaultdict(float)
-        for item, one in zip(items, estimates, strict=True):
-            named[item.label] += one.sums.weight
-        estimate = estimates[0]
+        best, named = members[0], defaultdict[str, float](float)
+        for one in members:
+            named[one.label] += one.sums.weight
         others = sum(weight for label, weight in named.items() if label != best.label)
-        if estimate.saved is None and estimate.sums.weight + others < self.rule.min_count:
+        if best.saved is None and best.sums.weight + others < self.rule.min_count:
             return None
-        labels = label_posterior(named, self._overlaps.rule)
-        if estimate.saved is not None and len(best.landmarks) == 1:  # not seen since
-            confidence = estimate.saved.confidence * best.presence
-            labels = estimate.saved.labels or labels
-            return replace(estimate.saved, id=best.id, confidence=confidence, labels=labels)
-        shape, at = estimate.saved and estimate.saved.measured, estimate.position_m
+        labels, confidence = label_posterior(named, self._overlaps.rule), best.confidence(self.rule.min_count)
+        if best.saved is not None and len(best.landmarks) == 1:  # not seen since
+            labels = best.saved.labels or labels
+            return replace(best.saved, id=best.id, confidence=confidence * best.presence, labels=labels)
+        shape, at = best.saved and best.saved.measured, best.position_m
         if best.footprint is not None:
             shape, at = best.footprint.shape, at + best.footprint.offset_m
-        plain = estimate.sums.as_object(best.id, best.label, at, estimate.covariance_m2)
-        places = outermost(self._views(best.landmarks), estimate.position_m)
-        confidence = estimate.confidence(self.rule) * best.presence
-        return replace(plain, confidence=confidence, seen_from_m=places, labels=labels, measured=shape)
+        plain = best.sums.as_object(best.id, best.label, at, best.covariance_m2)
+        places = outermost(self._views(best.landmarks), best.position_m)
+        return replace(plain, confidence=confidence * best.presence, seen_from_m=places, labels=labels, measured=shape)
 
     def _fit_footprints(self) -> None:
         """Fits the footprints of a few objects whose outlines have changed, the oldest change first."""
@@ -325,10 +298,11 @@ class FloorMap:
             del self._unfitted[identity]
             if (item := self._objects.get(identity)) is not None:
                 self._change(identity)
-                estimate = self._estimate(item)
-                width_m, saved = estimate.sums.width_m / estimate.sums.count, estimate.saved and estimate.saved.measured
-                outlines, rule = self._outlines(item.landmarks), self.rule.footprint
-                item.footprint = fitted(item.label, width_m, estimate.position_m, outlines, self.grid, rule, saved)
+                item.estimate(self.graph.rule.landmarks)
+                outlines, saved = self._outlines(item.landmarks), item.saved and item.saved.measured
+                item.footprint = fitted(
+                    item.label, item.width_m, item.position_m, outlines, self.grid, self.rule.footprint, saved
+                )
 
     def _outlines(self, landmarks: Sequence[Landmark]) -> Array:
         """Mean outline of a box in each keyframe that has any, (N, 3, 2), map frame."""

@@ -10,7 +10,7 @@ from edgemap.geometry.grid.canvas import merged_grid
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import Ids, MapObject, id_order
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
-from edgemap.geometry.objects.class_posterior import APART
+from edgemap.geometry.objects.candidates import APART
 from edgemap.geometry.observations.class_extents import extent_m
 from edgemap.geometry.registration.alignment import Alignment, AlignmentError, Pairs, align
 from edgemap.geometry.registration.hypotheses import Places
@@ -166,10 +166,8 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
     floor_m2 = np.eye(2) * rule.centre_m2(extent_m(ours.label, ours.width_m))
     a, b = (np.linalg.inv(positive(item.covariance_m2 - floor_m2, least=1e-4)) for item in (ours, theirs))
     fused_m2 = np.linalg.inv(a + b)
-    smallest = min(np.trace(ours.covariance_m2), np.trace(theirs.covariance_m2))
-    covariance = fused_m2 + floor_m2
-    if np.trace(covariance) > smallest:  # one map has less variance than the floor
-        covariance = min(ours.covariance_m2, theirs.covariance_m2, key=np.trace)
+    # One map may have less variance than the floor.
+    covariance_m2 = min(fused_m2 + floor_m2, ours.covariance_m2, theirs.covariance_m2, key=np.trace)
     count = ours.count + theirs.count
     share = ours.count / count
     labels = {
@@ -179,7 +177,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
     estimate = replace(
         ours,
         position_m=fused_m2 @ (a @ ours.position_m + b @ theirs.position_m),
-        covariance_m2=covariance,
+        covariance_m2=covariance_m2,
         width_m=share * ours.width_m + (1 - share) * theirs.width_m,
         height_m=share * ours.height_m + (1 - share) * theirs.height_m,
         count=count,
@@ -193,9 +191,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
         labels=labels,
         name=ours.name or theirs.name,
         confirmed=ours.confirmed or theirs.confirmed,
-        measured=min(ours.measured, theirs.measured, key=lambda one: one.yaw_sigma_rad)
-        if ours.measured and theirs.measured
-        else ours.measured or theirs.measured,
+        measured=min(filter(None, (ours.measured, theirs.measured)), key=lambda one: one.yaw_sigma_rad, default=None),
     )
     return with_stated(estimate, parts)
 
