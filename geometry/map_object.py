@@ -221,10 +221,6 @@ class Ids(Counter[str]):
 
     def __init__(self, taken: Iterable[str] = ()) -> None:
         super().__init__()
-        self.reserve(taken)
-
-    def reserve(self, taken: Iterable[str]) -> None:
-        """Issues none of these ids."""
         for label, number in map(id_order, taken):
             self[label] = max(self[label], number)
 
@@ -251,8 +247,8 @@ def yaw_of(item: MapObject) -> float | None:
 
 def yaw_sigma_of(item: MapObject) -> float | None:
     """Standard deviation of a measured yaw, rad; None where it is unknown or a person has set it."""
-    known = item.yaw_rad is None and item.measured is not None and item.measured.yaw_rad is not None
-    return item.measured.yaw_sigma_rad if known and item.measured is not None else None
+    shape = item.measured if item.yaw_rad is None else None
+    return None if shape is None or shape.yaw_rad is None else shape.yaw_sigma_rad
 
 
 def outline_m(item: MapObject) -> Array:
