@@ -99,7 +99,7 @@ def answers_to(
         unknown = [name for name in labels if name not in there]
         if unknown and (hint := known_names(unknown, there, "")).startswith("did you mean"):
             raise UsageError(f"--label {', '.join(unknown)}: not on the map; {hint}")
-        objects = queries.labelled(objects, *labels)
+        objects = [item for item in objects if item.label in labels]
     if inside is not None:
         corners_m = [numbers(corner, "--inside", "X,Y") for corner in inside.split(";") if corner.strip()]
         if len(corners_m) < 3:

@@ -1,11 +1,13 @@
 """The objects of the map: position, size, identity."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.class_extents import footprint_m
@@ -21,6 +23,11 @@ EventKind = Literal[
     "appeared", "moved", "vanished", "missed", "restored", "named", "confirmed", "corrected", "added", "merged"
 ]
 Place = tuple[float, float]
+
+
+def as_places(points_m: ArrayLike) -> tuple[Place, ...]:
+    """Points (N, 2) as plain numbers."""
+    return tuple((float(x), float(y)) for x, y in np.reshape(points_m, (-1, 2)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +58,6 @@ class MeasuredFootprint:
     depth_m: float
     yaw_rad: float | None = None
     yaw_sigma_rad: float = math.inf
-
-    def turned(self, yaw_rad: float) -> "MeasuredFootprint":
-        """In a frame in which its current frame has this yaw."""
-        return self if self.yaw_rad is None else replace(self, yaw_rad=wrap_angle(self.yaw_rad + yaw_rad))
-
-    def scaled(self, factor: float) -> "MeasuredFootprint":
-        """With its sides times `factor`."""
-        return replace(self, width_m=factor * self.width_m, depth_m=factor * self.depth_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,17 +118,29 @@ class MapObject:
         """Ids that it had before it was moved."""
         return {event.other for event in self.history if event.what == "moved" and event.other}
 
+    def transformed(self, pose: SE2, factor: float = 1.0) -> "MapObject":
+        """The object with lengths and standard deviations times `factor`, in a frame in which the origin of its current
+        one has this pose. A size that a person has set stays."""
 
-def placed_history(history: tuple[MapEvent, ...], place: Callable[[Array], Array]) -> tuple[MapEvent, ...]:
-    """A history with its positions moved. place: takes points (1, 2) to others."""
+        def at(place_m: Place | None) -> Place | None:
+            return place_m and as_places(pose.apply(factor * np.array(place_m)))[0]
 
-    def moved(point_m: Place | None) -> Place | None:
-        if point_m is None:
-            return None
-        x_m, y_m = np.asarray(place(np.array([point_m]))).reshape(2).tolist()
-        return x_m, y_m
+        def turned(yaw_rad: float | None) -> float | None:
+            return None if yaw_rad is None else wrap_angle(yaw_rad + pose.yaw_rad)
 
-    return tuple(replace(event, from_m=moved(event.from_m), to_m=moved(event.to_m)) for event in history)
+        rotation, shape = pose.rotation(), self.measured
+        if shape is not None:
+            sides = {"width_m": factor * shape.width_m, "depth_m": factor * shape.depth_m}
+            shape = replace(shape, **sides, yaw_rad=turned(shape.yaw_rad))
+        size_factor = 1.0 if "size" in self.corrected else factor
+        return replace(
+            self, position_m=pose.apply(factor * self.position_m),
+            covariance_m2=factor**2 * (rotation @ self.covariance_m2 @ rotation.T),
+            width_m=size_factor * self.width_m, height_m=size_factor * self.height_m, measured=shape,
+            seen_from_m=as_places(pose.apply(factor * np.reshape(self.seen_from_m, (-1, 2)))),
+            yaw_rad=turned(self.yaw_rad),
+            history=tuple(replace(event, from_m=at(event.from_m), to_m=at(event.to_m)) for event in self.history),
+        )  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -205,6 +216,20 @@ def id_order(identity: str) -> tuple[str, int]:
     return (label, int(number)) if number.isdecimal() else (identity, 0)
 
 
+class Ids(Counter[str]):
+    """Issues ids such as `chair-3`, none of them twice: the highest number of each label so far. taken: ids in use."""
+
+    def __init__(self, taken: Iterable[str] = ()) -> None:
+        super().__init__()
+        for label, number in map(id_order, taken):
+            self[label] = max(self[label], number)
+
+    def new(self, label: str) -> str:
+        """The next id of a label."""
+        self[label] += 1
+        return f"{label}-{self[label]}"
+
+
 def footprint_of(item: MapObject) -> tuple[float, float]:
     """Width and depth of an object's footprint, m: those that a person has set, else measured ones, else those usual
     for its class."""
@@ -222,8 +247,8 @@ def yaw_of(item: MapObject) -> float | None:
 
 def yaw_sigma_of(item: MapObject) -> float | None:
     """Standard deviation of a measured yaw, rad; None where it is unknown or a person has set it."""
-    known = item.yaw_rad is None and item.measured is not None and item.measured.yaw_rad is not None
-    return item.measured.yaw_sigma_rad if known and item.measured is not None else None
+    shape = item.measured if item.yaw_rad is None else None
+    return None if shape is None or shape.yaw_rad is None else shape.yaw_sigma_rad
 
 
 def outline_m(item: MapObject) -> Array:

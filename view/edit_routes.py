@@ -126,7 +126,7 @@ async def preview_merge(page: LivePage, request: Request) -> Response:
     item, into = named(page, request), one_of(page.objects, request.query_params.get("into", ""), "object")
     if into.id == item.id:
         raise Refused(409, f"{item.id!r} cannot be merged with itself")
-    return as_json(answers.object_answer(joined([into, item]), newest_of(page)))
+    return as_json(answers.object_answer(joined(into, item), newest_of(page)))
 
 
 async def delete_object(page: LivePage, request: Request) -> Response:

@@ -13,7 +13,7 @@ from edgemap.geometry.errors import EdgemapError, MapError
 from edgemap.geometry.grid.rooms import Room
 from edgemap.geometry.map_object import CHI2_95, MapObject, ellipse_95
 from edgemap.geometry.objects.annotations import Annotations
-from edgemap.geometry.objects.queries import changes, inside_polygon, labelled, nearest
+from edgemap.geometry.objects.queries import changes, inside_polygon, nearest
 from edgemap.geometry.objects.rooms import parts_of, room_at, rooms_of, shared_m2
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.extras import need
@@ -87,7 +87,7 @@ def server(source: MapSource, write: bool = False, pictures: bool = False) -> "M
     def list_objects(label: str | None = None) -> dict[str, Any]:
         """All objects of the map, or those of one class such as "chair"."""
         objects, notes = source.read()
-        return answer(notes, objects=rows(labelled(objects, label) if label else objects, notes))
+        return answer(notes, objects=rows([item for item in objects if not label or item.label == label], notes))
 
     @tool
     def where_is(what: str, within_m: float | None = None) -> dict[str, Any]:

@@ -1,16 +1,16 @@
 """What people add to a map besides its objects: zones, deletions and the dock."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 
 from edgemap.geometry.grid.rooms import Door, Room
-from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.map_object import Ids, MapObject, Place, as_places, id_order
 from edgemap.geometry.se2 import SE2
 
-Corners = tuple[tuple[float, float], ...]
+Corners = tuple[Place, ...]
 
 MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME = 100, 200, 80
 Level = Literal["good", "care", "unreliable"]
@@ -24,9 +24,6 @@ class Zone:
     id: str
     name: str
     corners_m: Corners
-
-
-Area = TypeVar("Area", Zone, Room)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,23 +73,30 @@ class Annotations:
         plain = {"name": "", "confirmed": False, "corrected": (), "yaw_rad": None, "depth_m": None}
         return [replace(item, **plain) for item in (*saved, *self.deleted)]
 
-    def with_areas(self, other: "Annotations", pose_map_other: SE2) -> "Annotations":
-        """Another map's zones and named rooms added, in this one's frame and with the next free ids."""
-        zones = (*self.zones, *_added(other.zones, self.zones, pose_map_other))
-        rooms = _added([room for room in other.rooms if room.name], self.rooms, pose_map_other)
-        return replace(self, zones=zones[:MAXIMUM_ZONES], rooms=(*self.rooms, *rooms))
+    def with_areas(self, other: "Annotations") -> "Annotations":
+        """Another map's zones and named rooms added, with the next free ids."""
+        ids, named = Ids(area.id for area in (*self.zones, *self.rooms)), [room for room in other.rooms if room.name]
+        zones, rooms = (
+            tuple(replace(area, id=ids.new(id_order(area.id)[0])) for area in areas) for areas in (other.zones, named)
+        )
+        return replace(self, zones=(*self.zones, *zones)[:MAXIMUM_ZONES], rooms=(*self.rooms, *rooms))
+
+    def transformed(self, pose: SE2, factor: float = 1.0) -> "Annotations":
+        """As `MapObject.transformed`."""
+
+        def at(points_m: Corners) -> Corners:
+            return as_places(pose.apply(factor * np.array(points_m)))
+
+        zones, rooms = (
+            tuple(replace(area, corners_m=at(area.corners_m)) for area in areas) for areas in (self.zones, self.rooms)
+        )
+        ends = ((door, *at((door.from_m, door.to_m))) for door in self.doors)
+        doors = tuple(replace(door, from_m=from_m, to_m=to_m) for door, from_m, to_m in ends)
+        dock = self.dock and pose @ self.dock.scaled(factor)
+        deleted, vanished = (
+            tuple(item.transformed(pose, factor) for item in items) for items in (self.deleted, self.vanished)
+        )
+        return replace(self, zones=zones, deleted=deleted, dock=dock, rooms=rooms, doors=doors, vanished=vanished)
 
 
 NO_ANNOTATIONS = Annotations()
-
-
-def _added(areas: Sequence[Area], taken: Sequence[Area], pose_map_other: SE2) -> Iterator[Area]:
-    """Areas of another map in this one's frame, with the next free ids."""
-    for number, area in enumerate(areas, 1 + max((id_order(one.id)[1] for one in taken), default=0)):
-        corners_m = corners_of(pose_map_other.apply(np.array(area.corners_m)))
-        yield replace(area, id=f"{id_order(area.id)[0]}-{number}", corners_m=corners_m)
-
-
-def corners_of(points_m: np.ndarray) -> Corners:
-    """Points (N, 2) as the corners of a polygon."""
-    return tuple((float(x), float(y)) for x, y in points_m)

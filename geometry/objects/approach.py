@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -53,34 +54,31 @@ def approach(
     Raises MapError with the numbers where every place is taken.
     """
     rule = rule or ApproachRule()
-    others, yaw_rad = [other for other in objects if other.id != item.id], yaw_of(item)
+    others, yaw_rad, radius = [other for other in objects if other.id != item.id], yaw_of(item), rule.robot_radius_m
     around = np.arange(DIRECTIONS) * 2.0 * math.pi / DIRECTIONS
-    candidates: list[tuple[float, Approach]] = []
-    taken = 0
-    for standoff_m in np.arange(rule.standoff_m, rule.standoff_m + REACH_M + 1e-9, STEP_M).tolist():
-        for direction in around.tolist():
-            away = np.array([math.cos(direction), math.sin(direction)])
-            edge_m, radius = _extent_m(item, direction), rule.robot_radius_m
-            at = item.position_m + away * (edge_m + standoff_m + radius)
-            floor = _floor(at, grid, radius)
-            blocked = grid is not None and _wall_between(item.position_m, away, edge_m, edge_m + standoff_m, grid)
-            crowded = any(np.linalg.norm(at - other.position_m) < radius_m(other) + radius for other in others)
-            if floor == "taken" or blocked or crowded:
-                taken += 1
-                continue
-            cost = standoff_m + (UNKNOWN_M if floor == "unknown" else 0.0)
-            if yaw_rad is not None:  # a pose a quarter turn away from the object's front costs a metre
-                cost += abs(wrap_angle(direction - yaw_rad)) / (math.pi / 2.0)
-            if robot_m is not None:
-                cost += WALK_SHARE * float(np.linalg.norm(at - np.asarray(robot_m)))
-            pose = SE2(float(at[0]), float(at[1]), wrap_angle(direction + math.pi))
-            candidates.append((cost, Approach(pose, standoff_m, floor)))
-    if not candidates:
+    standoffs_m = np.arange(rule.standoff_m, rule.standoff_m + REACH_M + 1e-9, STEP_M)
+    best: tuple[float, Approach | None] = math.inf, None
+    for standoff_m, direction in product(standoffs_m.tolist(), around.tolist()):
+        away, edge_m = np.array([math.cos(direction), math.sin(direction)]), _extent_m(item, direction)
+        at = item.position_m + away * (edge_m + standoff_m + radius)
+        floor = _floor(at, grid, radius)
+        blocked = grid is not None and _wall_between(item.position_m, away, edge_m, edge_m + standoff_m, grid)
+        crowded = any(np.linalg.norm(at - other.position_m) < radius_m(other) + radius for other in others)
+        if floor == "taken" or blocked or crowded:
+            continue
+        cost = standoff_m + (UNKNOWN_M if floor == "unknown" else 0.0)
+        if yaw_rad is not None:  # a pose a quarter turn away from the object's front costs a metre
+            cost += abs(wrap_angle(direction - yaw_rad)) / (math.pi / 2.0)
+        if robot_m is not None:
+            cost += WALK_SHARE * float(np.linalg.norm(at - np.asarray(robot_m)))
+        if cost < best[0]:
+            best = cost, Approach(SE2(at[0], at[1], direction + math.pi), standoff_m, floor)
+    if best[1] is None:
         raise MapError(
-            f"no place to approach {item.id!r} from: all {taken} poses within {rule.standoff_m + REACH_M:.1f} m of it "
-            f"are taken (robot radius {rule.robot_radius_m:g} m)"
+            f"no place to approach {item.id!r} from: all {len(standoffs_m) * DIRECTIONS} poses within "
+            f"{rule.standoff_m + REACH_M:.1f} m of it are taken (robot radius {radius:g} m)"
         )
-    return min(candidates, key=lambda pair: pair[0])[1]
+    return best[1]
 
 
 def room_pose(room: Room, grid: OccupancyGrid, rule: ApproachRule | None = None) -> SE2:
@@ -112,7 +110,7 @@ def _wall_between(centre: Array, away: Array, from_m: float, to_m: float, grid: 
     """Whether something occupied lies between an object's edge and the robot's. Cells up to `BESIDE_M` beyond the
     edge are the object's, as the grid may have moved it."""
     along = np.arange(from_m + BESIDE_M, to_m, grid.cell_m)
-    return bool((grid.at(centre + along[:, None] * away) == OCCUPIED).any()) if len(along) else False
+    return bool((grid.at(centre + along[:, None] * away) == OCCUPIED).any())
 
 
 def _floor(at: Array, grid: OccupancyGrid | None, robot_radius_m: float) -> str:

@@ -1,14 +1,13 @@
-"""Associates landmarks to objects, and estimates position, covariance and size of each object."""
+"""Associates landmarks to objects."""
 
-import math
+from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from edgemap.geometry.arrays import CHI2_997, Array
-from edgemap.geometry.map_object import REPEATED, MapObject, SightingSums
-from edgemap.geometry.objects.class_posterior import OverlapRule
+from edgemap.geometry.objects.candidates import OverlapRule
 from edgemap.geometry.objects.footprint import FootprintRule
 from edgemap.geometry.slam.object_landmarks import Landmark, LandmarkRule
 
@@ -24,82 +23,30 @@ class AssociationRule:
     footprint: FootprintRule = field(default_factory=FootprintRule)
 
 
-class Estimate:
-    """One object of several landmarks: the information-weighted mean of their positions, and its covariance.
-
-    position_m: (2,), map frame. covariance_m2: (2, 2), including the errors that all landmarks share. saved: the object
-    of an earlier map that is part of this object, if any; the object is then shown regardless of its evidence.
-    """
-
-    def __init__(self, landmarks: Sequence[Landmark], centre_m2: float) -> None:
-        self.sums, self._own = SightingSums(), SightingSums()  # of all runs, and of this one
-        for landmark in landmarks:
-            self.sums.join(landmark.sums)
-            if landmark.saved is None:
-                self._own.join(landmark.sums)
-        self.saved = next((one.saved for one in landmarks if one.saved is not None), None)
-        first = min(landmarks, key=lambda one: (one.saved is None, one.sums.first_seen_s))
-        since_m2, information, vector, shared = float(np.trace(first.first_m2)) / 2.0, 0.0, 0.0, 0.0
-        for one in landmarks:
-            weight = np.linalg.inv(one.own_m2 + np.eye(2) * max(one.variance_m2 - since_m2, 0.0))
-            information, vector = information + weight, vector + weight @ one.position_m
-            shared = shared + one.shared_m2 * (one.sums.count / self.sums.count)
-        fused_m2 = np.linalg.inv(information)
-        self.position_m: Array = fused_m2 @ vector
-        self.covariance_m2: Array = fused_m2 + np.eye(2) * centre_m2 + shared + first.first_m2
-
-    def as_object(self, identity: str, label: str, rule: AssociationRule) -> MapObject:
-        """Converts the estimate to an object of the map. Its confidence is the probability that such an object is real,
-        and at least its confidence in an earlier map.
-        """
-        plain = self.sums.as_object(identity, label, self.position_m, self.covariance_m2)
-        return replace(plain, confidence=max(self._real(rule), self.saved.confidence if self.saved else 0.0))
-
-    def _real(self, rule: AssociationRule) -> float:
-        """Probability that an object with these sightings, of this run only, is real: the odds of their mean score to
-        the power of their evidence over the evidence that an object needs. Consecutive pictures count as one.
-        """
-        if self._own.count == 0:
-            return 0.0
-        odds = self._own.weight / REPEATED / rule.min_count * math.exp(self._own.score_log_odds)
-        return odds / (1.0 + odds)
-
-
 def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkRule) -> list[list[Landmark]]:
     """Groups the landmarks of one label into objects. Landmarks that loop closure linked (`roots`) form one group. Then
     the closest two groups are joined until none can be. Landmarks that were observed in one frame are never joined.
     """
-    groups: list[list[Landmark]] = []
-    excluded: list[set[int]] = []  # landmarks that each group must not contain
-    saved = {one.number for one in landmarks if one.saved is not None}
-    of_root: dict[int, list[int]] = {}
+    groups = list[list[Landmark]]()
+    linked: defaultdict[int, list[list[Landmark]]] = defaultdict(list)
     for one, root in zip(landmarks, roots, strict=True):
-        barred = one.distinct | (saved - {one.number} if one.saved is not None else set())
-        linked = of_root.setdefault(root, [])
-        at = next((at for at in linked if one.number not in excluded[at]), None)
-        if at is None:
-            linked.append(len(groups))
-            groups.append([one])
-            excluded.append(set(barred))
-        else:
-            groups[at].append(one)
-            excluded[at] |= barred
-    if len(groups) == 1:
-        return groups
-    return _joined(groups, excluded, rule)
-
-
-def _joined(groups: list[list[Landmark]], excluded: Sequence[set[int]], rule: LandmarkRule) -> list[list[Landmark]]:
-    """Joins groups of landmarks that are within the gate, the closest two first. excluded: landmarks that each group
-    must not contain."""
+        group = next((group for group in linked[root] if not any(map(one.is_distinct, group))), None)
+        if group is None:
+            group = []
+            groups.append(group)
+            linked[root].append(group)
+        group.append(one)
     count = len(groups)
+    if count == 1:
+        return groups
     starts = np.cumsum([0, *map(len, groups[:-1])])
     sums = np.add.reduceat(_sums([one for group in groups for one in group]), starts, axis=1)
     group_of = {one.number: row for row, group in enumerate(groups) for one in group}
-    barred = np.zeros((count, count), dtype=np.bool_)
-    for row, numbers in enumerate(excluded):
-        barred[row, [group_of[number] for number in numbers if number in group_of]] = True
-    barred |= barred.T | np.eye(count, dtype=bool)
+    is_saved = np.array([any(one.saved is not None for one in group) for group in groups])
+    barred = np.outer(is_saved, is_saved) | np.eye(count, dtype=bool)
+    for row, group in enumerate(groups):
+        barred[row, [group_of[number] for one in group for number in one.distinct if number in group_of]] = True
+    barred |= barred.T
     place = _placed(sums, rule)
     distance = np.where(barred, np.inf, _distances(place, place, rule))
     while True:
@@ -110,12 +57,11 @@ def _joined(groups: list[list[Landmark]], excluded: Sequence[set[int]], rule: La
         groups[gone] = []
         sums[:, kept] += sums[:, gone]
         place[:, [kept]] = _placed(sums[:, [kept]], rule)
-        barred[kept] |= barred[gone]
-        barred[:, kept] |= barred[:, gone]
+        barred[kept] = barred[:, kept] = barred[kept] | barred[gone]
+        barred[gone] = barred[:, gone] = True
         distance[gone] = distance[:, gone] = np.inf
-        distances = _distances(place[:, [kept]], place, rule)[0]
-        distances[[row for row, group in enumerate(groups) if not group]] = np.inf
-        distance[kept] = distance[:, kept] = np.where(barred[kept], np.inf, distances)
+        distances = np.where(barred[kept], np.inf, _distances(place[:, [kept]], place, rule)[0])
+        distance[kept] = distance[:, kept] = distances
 
 
 def _sums(landmarks: Sequence[Landmark]) -> Array:

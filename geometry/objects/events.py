@@ -5,8 +5,9 @@ drops its event.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.rooms import Room, polygon_m2
-from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.map_object import Ids, MapObject, as_places, id_order
 from edgemap.geometry.objects.annotations import (
     LONGEST_NAME,
     MAXIMUM_CORNERS,
@@ -23,9 +24,8 @@ from edgemap.geometry.objects.annotations import (
     Annotations,
     Corners,
     Zone,
-    corners_of,
 )
-from edgemap.geometry.objects.class_posterior import least_spacing_m
+from edgemap.geometry.objects.candidates import least_spacing_m
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.merge import CORRECTABLE, fused
 from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
@@ -40,6 +40,7 @@ ADDED = "-added"  # between label and number of the id of an object that a perso
 PLACED_SIGMA_M = 0.05  # for a position that a person sets on a map: a finger's width at the usual zoom
 SMALLEST_M, LARGEST_M = 0.02, 20.0  # limits of a size that a person sets; a zone is larger than the smallest square
 USUAL_WIDTH_M = 0.5  # of an added object whose class has no usual size
+STATED = {"label": "label", "position": "place_m", "size": "size_m", "yaw": "yaw_rad"}  # by an `Edit`, as `CORRECTABLE`
 
 Anchors = Callable[[Corners], np.ndarray]
 
@@ -97,9 +98,6 @@ class _Fold:
         self.objects = {item.id: item for item in measured.objects()}
         self.became: dict[str, str] = {}
         self.deleted: list[MapObject] = []
-        self.zones: dict[str, Zone] = {}
-        self.rooms: dict[str, Room] = {}
-        self.dock: SE2 | None = None
         for event in events.values():
             self._apply(event)
         for item in [item for item in self.objects.values() if item.confirmed and item.confidence < 1.0]:
@@ -113,41 +111,29 @@ class _Fold:
             identity = self.became[identity]
         return identity
 
-    def change(self, identity: str, changed: Callable[[MapObject], MapObject]) -> None:
-        """Replaces an object, if it is there."""
-        root = self.root(identity)
-        if root in self.objects:
-            self.objects[root] = changed(self.objects[root])
-
     def join(self, identity: str, into: str) -> None:
         """Makes two objects one, if both are there."""
         identity, into = self.root(identity), self.root(into)
         if identity != into and {identity, into} <= self.objects.keys():
-            self.objects[into] = joined([self.objects[into], self.objects.pop(identity)])
+            self.objects[into] = joined(self.objects[into], self.objects.pop(identity))
             self.became[identity] = into
 
     def _apply(self, event: _Event) -> None:
-        edit = event.edit
-        if edit.do == "name":
-            self.change(edit.id, lambda item: replace(item, name=edit.name))
-        elif edit.do == "confirm":
-            self.change(edit.id, lambda item: replace(item, confirmed=edit.on))
-        elif edit.do == "correct":
-            self.change(edit.id, lambda item: _corrected(item, edit))
-        elif edit.do == "add":
+        edit, item = event.edit, self.objects.get(self.root(event.edit.id))
+        if edit.do == "add":
             self._add(event)
+        elif item is None:  # it is no longer there, or the edit is of no object
+            return
+        elif edit.do == "name":
+            self.objects[item.id] = replace(item, name=edit.name)
+        elif edit.do == "confirm":
+            self.objects[item.id] = replace(item, confirmed=edit.on)
+        elif edit.do == "correct":
+            self.objects[item.id] = _corrected(item, edit)
         elif edit.do == "merge":
-            self.join(edit.id, edit.into)
-        elif edit.do == "delete":
-            item = self.objects.get(self.root(edit.id))
-            if item is not None and item.label in event.labels:  # under another label it is something else by now
-                self.deleted.append(self.objects.pop(item.id))
-        elif edit.do == "zone":
-            self.zones[edit.id] = Zone(edit.id, edit.name, edit.corners_m)
-        elif edit.do == "room":
-            self.rooms[edit.id] = Room(edit.id, edit.corners_m, name=edit.name)
-        elif edit.do == "dock":
-            self.dock = edit.pose and SE2(*edit.pose)
+            self.join(item.id, edit.into)
+        elif item.label in event.labels:  # deleted; under another label it is something else by now
+            self.deleted.append(self.objects.pop(item.id))
 
     def _add(self, event: _Event) -> None:
         """Detections of its class in its place become part of it; the place is that of the latest correction."""
@@ -173,30 +159,29 @@ class MapEvents:
     """
 
     _events: _Events = field(default_factory=dict)
-    _zones_issued: int = 0
+    _zone_ids: Ids = field(default_factory=Ids)
     _folded: tuple[list[MapObject], _Fold] | None = None
 
     @classmethod
     def after(cls, zones: Iterable[Zone]) -> "MapEvents":
         """No edits yet; new zones are numbered after these."""
-        return cls(_zones_issued=max((id_order(zone.id)[1] for zone in zones), default=0))
+        return cls(_zone_ids=Ids(zone.id for zone in zones))
 
     @classmethod
     def of(cls, saved: Iterable[MapObject], annotations: Annotations) -> "MapEvents":
         """The edits that a saved map holds."""
-        edits = list[Edit]()
-        for item in (*saved, *annotations.deleted):
-            edits += [Edit("name", item.id, name=item.name)] if item.name else []
-            edits += [Edit("confirm", item.id)] if item.confirmed else []
-            edits += [_correction_of(item)] if item.corrected else []
+        items = (*saved, *annotations.deleted)
+        edits = [Edit("name", item.id, name=item.name) for item in items if item.name]
+        edits += [Edit("confirm", item.id) for item in items if item.confirmed]
+        edits += [_correction_of(item) for item in items if item.corrected]
         edits += [Edit("zone", zone.id, zone.name, corners_m=zone.corners_m) for zone in annotations.zones]
         edits += [Edit("room", room.id, room.name, corners_m=room.corners_m) for room in annotations.rooms if room.name]
         if (dock := annotations.dock) is not None:
             edits.append(Edit("dock", "dock", pose=(dock.x_m, dock.y_m, dock.yaw_rad)))
+        events = [_Event(edit) for edit in edits]
+        events += [_Event(Edit("delete", item.id), labels=_labels(item)) for item in annotations.deleted]
         made = cls.after(annotations.zones)
-        made._events = {(edit.do, edit.id): _Event(edit) for edit in edits}
-        for item in annotations.deleted:
-            made._events["delete", item.id] = _Event(Edit("delete", item.id), labels=_labels(item))
+        made._events = {(event.edit.do, event.edit.id): event for event in events}
         return made
 
     def take(self, edit: Edit, measured: FloorMap, anchors: Anchors) -> str:
@@ -209,10 +194,10 @@ class MapEvents:
         shown = {item.id: item for item in self.shown(measured)}
         edit = self._checked(edit, shown)
         key, labels = (edit.do, edit.id), _labels(shown[edit.id]) if edit.do == "delete" else frozenset[str]()
-        places = _poses(edit)[:, :2]
-        if np.isnan(places).any():  # a yaw alone moves with its object
-            places = shown[edit.id].position_m[None]
-        event = _Event(edit, anchors(corners_of(places)) if len(places) else None, labels)
+        place_m = np.mean(edit.corners_m, axis=0) if edit.corners_m else edit.pose[:2] if edit.pose else edit.place_m
+        if place_m is None and edit.yaw_rad is not None:  # a yaw alone moves with its object
+            place_m = shown[edit.id].position_m
+        event = _Event(edit, None if place_m is None else anchors(as_places(place_m)), labels)
         before = self._events.get(key)
         if before is not None and edit.do == "correct":
             moves_alone = before.edit.place_m is None and edit.yaw_rad is not None
@@ -232,8 +217,11 @@ class MapEvents:
         """Current zones, deleted objects, dock and named rooms."""
         if not self._events:
             return NO_ANNOTATIONS
-        fold = self._fold(measured)
-        return Annotations(tuple(fold.zones.values()), tuple(fold.deleted), fold.dock, tuple(fold.rooms.values()))
+        edits = [event.edit for event in self._events.values()]
+        zones = (Zone(edit.id, edit.name, edit.corners_m) for edit in edits if edit.do == "zone")
+        rooms = (Room(edit.id, edit.corners_m, name=edit.name) for edit in edits if edit.do == "room")
+        dock = next((SE2(*edit.pose) for edit in edits if edit.do == "dock" and edit.pose), None)
+        return Annotations(tuple(zones), tuple(self._fold(measured).deleted), dock, tuple(rooms))
 
     def kept(self, measured: FloorMap) -> frozenset[str]:
         """Ids of the measured map that a person has confirmed or named: they are not forgotten."""
@@ -263,8 +251,7 @@ class MapEvents:
         """Moves the places that were set in this run. move: takes stamps (N,) and poses (N, 3) to poses now."""
         for key, event in self._events.items():
             if event.anchors_s is not None:
-                edit = _at(event.edit, move(event.anchors_s, _poses(event.edit)))
-                self._events[key] = event._replace(edit=edit)
+                self._events[key] = event._replace(edit=_moved(event.edit, partial(move, event.anchors_s)))
         self._folded = None
 
     def _fold(self, measured: FloorMap) -> _Fold:
@@ -282,6 +269,7 @@ class MapEvents:
 
     def _checked(self, edit: Edit, shown: dict[str, MapObject]) -> Edit:
         """Validates an edit and gives a new zone or object its id. Raises EditError where the map does not allow it."""
+        _check_name(edit.name, "a name")
         if edit.do == "zone":
             return self._checked_zone(edit)
         if edit.do == "dock":
@@ -289,7 +277,6 @@ class MapEvents:
                 raise EditError("a dock needs a pose: x, y and yaw")
             return replace(edit, id="dock")
         if edit.do == "room":
-            _check_name(edit.name, "a name")
             if not edit.id or not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS:
                 raise EditError("a room has an id and an outline")
             return edit
@@ -300,7 +287,6 @@ class MapEvents:
         for identity in (edit.id, edit.into) if edit.do == "merge" else (edit.id,):
             if identity not in shown:
                 raise EditError(f"no object {identity!r} on the map")
-        _check_name(edit.name, "a name")
         if edit.do == "merge" and edit.id == edit.into:
             raise EditError(f"{edit.id!r} cannot be merged with itself")
         return edit
@@ -325,51 +311,40 @@ class MapEvents:
             raise EditError(f"a zone has 3 to {MAXIMUM_CORNERS} corners around at least {SMALLEST_M**2:g} m2")
         if not edit.name:
             raise EditError("a zone has a name")
-        _check_name(edit.name, "a name")
-        self._zones_issued += not edit.id
-        return replace(edit, id=edit.id or f"zone-{self._zones_issued}")
+        return replace(edit, id=edit.id or self._zone_ids.new("zone"))
 
 
-def joined(parts: Sequence[MapObject]) -> MapObject:
-    """Joins objects under the first one's id; the label is the most probable by all of them, or the stated one."""
-    item = parts[0]
-    for part in parts[1:]:
-        item = fused(item, part, LandmarkRule())
-    if len(parts) > 1 and item.labels:
-        item = replace(item, label=max(item.labels, key=lambda label: (item.labels[label], label == item.label)))
-    return item
+def joined(ours: MapObject, theirs: MapObject) -> MapObject:
+    """Joins two objects under the first one's id; the label is the most probable by both, or the stated one."""
+    item = fused(ours, theirs, LandmarkRule())
+    return replace(
+        item, label=max(item.labels, key=lambda label: (item.labels[label], label == item.label), default=item.label)
+    )
 
 
 def _corrected(item: MapObject, edit: Edit) -> MapObject:
     """The object with the values that an edit states."""
-    stated = {
-        "label": edit.label and (edit.label, {edit.label: 1.0}),
-        "position": edit.place_m and (np.array(edit.place_m), np.eye(2) * PLACED_SIGMA_M**2),
-        "size": edit.size_m,
-        "yaw": None if edit.yaw_rad is None else (edit.yaw_rad,),
-    }
-    words = tuple(word for word in CORRECTABLE if stated[word] or word in item.corrected)
-    rows = [(CORRECTABLE[word], row) for word, row in stated.items() if row]
-    values: dict[str, Any] = {name: value for names, row in rows for name, value in zip(names, row, strict=True)}
-    return replace(item, corrected=words, **values)
+    values: dict[str, Any] = {"label": edit.label, "labels": {edit.label: 1.0}} if edit.label else {}
+    if edit.place_m is not None:
+        values |= {"position_m": np.array(edit.place_m), "covariance_m2": np.eye(2) * PLACED_SIGMA_M**2}
+    if edit.size_m is not None:
+        values |= zip(CORRECTABLE["size"], edit.size_m, strict=True)
+    if edit.yaw_rad is not None:
+        values["yaw_rad"] = edit.yaw_rad
+    words = (word for word, (name, *_) in CORRECTABLE.items() if name in values or word in item.corrected)
+    return replace(item, corrected=tuple(words), **values)
 
 
 def _correction_of(item: MapObject) -> Edit:
     """The correction that is stored in a saved object."""
-    x_m, y_m = item.position_m.tolist()
-    return Edit(
-        "correct",
-        item.id,
-        label=item.label if "label" in item.corrected else "",
-        place_m=(x_m, y_m) if "position" in item.corrected else None,
-        size_m=(item.width_m, item.depth_m or item.width_m, item.height_m) if "size" in item.corrected else None,
-        yaw_rad=item.yaw_rad if "yaw" in item.corrected else None,
-    )
+    size_m = item.width_m, item.depth_m or item.width_m, item.height_m
+    values: dict[str, Any] = {"label": item.label, "position": item.place_m, "size": size_m, "yaw": item.yaw_rad}
+    return Edit("correct", item.id, **{STATED[word]: values[word] for word in item.corrected})
 
 
 def _updated(older: Edit, newer: Edit) -> Edit:
     """A correction with the values replaced that a newer one states."""
-    stated = {name: getattr(newer, name) for name in ("label", "place_m", "size_m", "yaw_rad")}
+    stated = {name: getattr(newer, name) for name in STATED.values()}
     return replace(older, **{name: value for name, value in stated.items() if value not in ("", None)})
 
 
@@ -383,28 +358,16 @@ def _check_values(edit: Edit) -> None:
     _check_name(edit.label, "a label")
 
 
-def _poses(edit: Edit) -> Array:
-    """Place of an edit as poses (1, 3), of a zone its middle; none where it has no place. A yaw without a position has
-    the position NaN.
-    """
-    if edit.pose is not None:
-        return np.array([edit.pose])
-    if edit.place_m is not None or edit.yaw_rad is not None:
-        return np.array([(*(edit.place_m or (math.nan, math.nan)), edit.yaw_rad or 0.0)])
-    return np.array([(*np.mean(edit.corners_m, axis=0), 0.0)]) if edit.corners_m else np.zeros((0, 3))
-
-
-def _at(edit: Edit, poses: Array) -> Edit:
-    """The edit at another pose (1, 3)."""
-    x_m, y_m, yaw_rad = poses[0].tolist()
+def _moved(edit: Edit, move: Callable[[Array], Array]) -> Edit:
+    """The edit at another place, a zone as one piece. move: takes poses (1, 3) to others."""
+    place_m, corners_m = edit.place_m or (math.nan, math.nan), np.array(edit.corners_m)
+    before = (*corners_m.mean(axis=0), 0.0) if edit.corners_m else edit.pose or (*place_m, edit.yaw_rad or 0.0)
+    x_m, y_m, yaw_rad = move(np.array([before]))[0].tolist()
     if edit.corners_m:
-        corners_m = np.array(edit.corners_m)
-        moved_m = SE2(x_m, y_m, yaw_rad).apply(corners_m - corners_m.mean(axis=0))
-        return replace(edit, corners_m=corners_of(moved_m))
-    if edit.pose is not None:
+        return replace(edit, corners_m=as_places(SE2(x_m, y_m, yaw_rad).apply(corners_m - before[:2])))
+    if edit.pose:
         return replace(edit, pose=(x_m, y_m, yaw_rad))
-    place_m = None if edit.place_m is None else (x_m, y_m)
-    return replace(edit, place_m=place_m, yaw_rad=None if edit.yaw_rad is None else yaw_rad)
+    return replace(edit, place_m=edit.place_m and (x_m, y_m), yaw_rad=None if edit.yaw_rad is None else yaw_rad)
 
 
 def _labels(item: MapObject) -> frozenset[str]:

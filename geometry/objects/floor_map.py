@@ -7,10 +7,9 @@ moves with the keyframes that observed it.
 """
 
 import math
-from bisect import bisect_left
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import replace
 from itertools import combinations, islice
 
 import numpy as np
@@ -18,11 +17,11 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.map_object import MapObject, id_order
-from edgemap.geometry.objects.association import AssociationRule, Estimate, grouped
-from edgemap.geometry.objects.cells import Cells
-from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
-from edgemap.geometry.objects.footprint import DIRECTIONS, FittedFootprint, fitted
+from edgemap.geometry.map_object import Ids, MapObject, as_places, id_order
+from edgemap.geometry.objects.association import AssociationRule, grouped
+from edgemap.geometry.objects.candidates import Candidate, Overlaps, label_posterior
+from edgemap.geometry.objects.footprint import DIRECTIONS, fitted
+from edgemap.geometry.objects.positions import Positions
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
@@ -32,48 +31,27 @@ MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
 FITTED = 2  # footprints at most in one update, which bounds its time
 
 
-@dataclass(slots=True, eq=False)
-class _Object:
-    """Landmarks of one label that are one object. presence: probability that it still stands there. estimate: None
-    until asked for. footprint: as last fitted."""
-
-    id: str
-    label: str
-    landmarks: list[Landmark]
-    presence: float = 1.0
-    estimate: Estimate | None = None
-    footprint: FittedFootprint | None = None
-
-
 class FloorMap:
-    """Objects of landmarks, fed frame by frame; deterministic ids such as `chair-3` in order of appearance. graph: the
-    landmarks and the trajectory that observed them."""
+    """Objects of landmarks, fed frame by frame; deterministic ids such as `chair-3` in order of appearance, none of
+    those that are `taken` by an earlier map. graph: the landmarks and the trajectory that observed them."""
 
-    def __init__(self, rule: AssociationRule | None = None, graph: GraphRule | None = None) -> None:
+    def __init__(
+        self, rule: AssociationRule | None = None, graph: GraphRule | None = None, taken: Iterable[str] = ()
+    ) -> None:
         self.rule = rule or AssociationRule()
         self.graph = PoseGraph(graph, self.rule.min_count)
         self.merged: dict[str, str] = {}
-        self._objects: dict[str, _Object] = {}
-        self._owner: dict[int, _Object] = {}  # by landmark
-        self._cells: defaultdict[str, Cells[int]] = defaultdict(Cells)  # the landmarks of each label, by number
-        self._issued: Counter[str] = Counter()
+        self._objects: dict[str, Candidate] = {}
+        self._owner: dict[int, Candidate] = {}  # by landmark
+        self._positions: defaultdict[str, Positions[int]] = defaultdict(Positions)  # of each label's landmarks
+        self._ids = Ids(taken)
         self._frames = 0
         self._changed: dict[str, None] = {}
         self._overlaps = Overlaps(self.rule.overlap)
-        self._shown: dict[str, MapObject] = {}
-        self._ordered: list[MapObject] = []  # what is shown, by id
+        self._shown: dict[str, MapObject] = {}  # by id, in its order
         self._listed: list[MapObject] | None = []
         self.grid: OccupancyGrid | None = None  # that footprints are fitted to
         self._unfitted: dict[str, None] = {}  # ids of objects whose outlines have changed, oldest first
-
-    @classmethod
-    def after(
-        cls, saved: Sequence[MapObject], rule: AssociationRule | None = None, graph: GraphRule | None = None
-    ) -> "FloorMap":
-        """An empty map whose ids continue after an earlier map's, so that no id is used twice."""
-        floor_map = cls(rule, graph)
-        floor_map.reserve(saved)
-        return floor_map
 
     @classmethod
     def continued(
@@ -83,33 +61,29 @@ class FloorMap:
         graph: GraphRule | None = None,
         before: "FloorMap | None" = None,
         merged: Mapping[str, str] | None = None,
+        taken: Iterable[str] = (),
     ) -> "FloorMap":
         """A map that continues an earlier one, whose objects stay unchanged until they are observed again. before,
-        merged: after a relocalisation, the map of this run so far and the new ids of its objects. Raises MapError for a
-        repeated id.
+        merged: after a relocalisation, the map of this run so far and the new ids of its objects. taken: more ids that
+        none gets. Raises MapError for a repeated id.
         """
-        floor_map = cls.after(saved, rule, graph)
-        if len({item.id for item in saved}) < len(saved):
-            raise MapError(f"{len(saved)} objects share {len({item.id for item in saved})} ids: the map is damaged")
+        ids = {item.id for item in saved}
+        if len(ids) < len(saved):
+            raise MapError(f"{len(saved)} objects share {len(ids)} ids: the map is damaged")
+        floor_map = cls(rule, graph, (*ids, *taken))
         if before is not None:
-            floor_map._issued |= before._issued
+            floor_map._ids |= before._ids
             floor_map.merged = {old: (merged or {}).get(new, new) for old, new in before.merged.items()}
             floor_map.merged |= {old: new for old, new in (merged or {}).items() if old != new}
         for item in saved:
             landmark = floor_map.graph.add_saved(item)
             # Enough for an object, so that what stands there now outweighs what stood there.
             landmark.sums.weight = min(landmark.sums.weight, float(floor_map.rule.min_count))
-            floor_map._cells[item.label].set(landmark.number, landmark.position_m)
-            entry = _Object(item.id, item.label, [landmark])
+            floor_map._positions[item.label].set(landmark.number, landmark.position_m)
+            entry = Candidate(item.id, item.label, [landmark])
             floor_map._objects[item.id] = floor_map._owner[landmark.number] = entry
             floor_map._change(item.id)
         return floor_map
-
-    def reserve(self, items: Iterable[MapObject]) -> None:
-        """Never gives an id of these to another object."""
-        for item in items:
-            label, number = id_order(item.id)
-            self._issued[label] = max(self._issued[label], number)
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Updates the map with all sightings of one frame. Returns the id of each one's object."""
@@ -119,14 +93,8 @@ class FloorMap:
         landmarks = self.graph.observe(sightings, self._frames)
         for label in dict.fromkeys(placed.label for placed in sightings):
             same_label = [one for one in landmarks if one.label == label]
-            for one in same_label:
-                self._cells[label].set(one.number, one.position_m)
             changed = [one for one in same_label if before.get(one.number) != (one.last, len(one.distinct))]
-            if changed:
-                self._group(label, changed)
-            for one in same_label:
-                self._change(self._owner[one.number].id)
-            self._unfitted |= dict.fromkeys(self._owner[one.number].id for one in changed)
+            self._place(label, same_label, changed)
         self._fit_footprints()
         return [self._owner[one.number].id for one in landmarks]
 
@@ -141,10 +109,7 @@ class FloorMap:
             self._remove(item.id)
         in_view = set(self.graph.in_view())
         for item in self._objects.values():
-            visits = [one for one in item.landmarks if one.saved is None]
-            most = self.graph.rule.visits
-            while len(visits) > most and self._join_oldest(item, [one for one in visits if one not in in_view]):
-                visits = [one for one in item.landmarks if one.saved is None]
+            self._join_visits(item, in_view)
         gone = {number for number, one in self.graph.landmarks.items() if one.gone}
         if gone:
             self.graph.remove(gone)
@@ -153,13 +118,13 @@ class FloorMap:
         """Objects with enough evidence, one in each place, ordered by id."""
         self._refresh()
         if self._listed is None:
-            self._listed = self._ordered.copy()
+            self._listed = list(self._shown.values())
         return self._listed
 
     def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
         """The objects within a distance of a point (2,), ordered by id."""
         self._refresh()
-        ids = [identity for identity in self._overlaps.within(point_m, reach_m) if identity in self._shown]
+        ids = [identity for identity in self._overlaps.positions.within(point_m, reach_m) if identity in self._shown]
         return [self._shown[identity] for identity in sorted(ids, key=id_order)]
 
     def shown_as(self, identity: str) -> str:
@@ -174,12 +139,8 @@ class FloorMap:
         for one in self.graph.landmarks.values():
             if one.keyframes and one.number in self._owner:
                 moved[one.label].append(one)
-                self._cells[one.label].set(one.number, one.position_m)
         for label, landmarks in moved.items():
-            self._group(label, landmarks)
-            for one in landmarks:
-                self._change(self._owner[one.number].id)
-                self._unfitted[self._owner[one.number].id] = None
+            self._place(label, landmarks, landmarks)
 
     def set_presence(self, identity: str, probability: float) -> None:
         """Sets the probability that an object is still there, which scales its confidence."""
@@ -201,6 +162,16 @@ class FloorMap:
         self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
         self.moved()
 
+    def _place(self, label: str, landmarks: Sequence[Landmark], changed: Sequence[Landmark]) -> None:
+        """Landmarks of a label have new positions. changed: those among them whose association is repeated."""
+        for one in landmarks:
+            self._positions[label].set(one.number, one.position_m)
+        if changed:
+            self._group(label, changed)
+        for one in landmarks:
+            self._change(self._owner[one.number].id)
+        self._unfitted |= dict.fromkeys(self._owner[one.number].id for one in changed)
+
     def _group(self, label: str, changed: Sequence[Landmark]) -> None:
         """Repeats the association of all landmarks within reach of these."""
         affected = self._around(label, changed)
@@ -208,12 +179,12 @@ class FloorMap:
         rule = self.graph.rule.landmarks
         groups = grouped(affected, [self.graph.root(one.number) for one in affected], rule)
         groups.sort(key=lambda group: min((one.sums.first_seen_s, one.number) for one in group))
-        homes = self._homes(groups, list(before))
+        homes = self._homes(groups)
         for group, names in zip(groups, homes, strict=True):
-            identity = names[0] if names else self._new_id(label)
+            identity = names[0] if names else self._ids.new(label)
             presence = max((before[name].presence for name in names), default=1.0)
             footprint = before[names[0]].footprint if names else None
-            item = self._objects[identity] = _Object(identity, label, group, presence, footprint=footprint)
+            item = self._objects[identity] = Candidate(identity, label, group, presence, footprint)
             self._change(identity)
             for one in group:
                 self._owner[one.number] = item
@@ -221,44 +192,38 @@ class FloorMap:
 
     def _around(self, label: str, changed: Sequence[Landmark]) -> list[Landmark]:
         """These landmarks, all within reach of one of them, and all others of the same objects."""
-        if len(self._cells[label]) == len(changed):
-            return sorted(changed, key=lambda one: one.number)
-        reach_m, cells = self.graph.rule.landmarks.reach_m, self._cells[label]
-        numbers = {number for one in changed for number in cells.within(one.position_m, reach_m)}
+        places_m, reach_m = [one.position_m for one in changed], self.graph.rule.landmarks.reach_m
+        numbers = set(self._positions[label].within(places_m, reach_m))
         owners = {owner.id: owner for number in numbers if (owner := self._owner.get(number))}
         numbers |= {one.number for owner in owners.values() for one in owner.landmarks}
         return [self.graph.landmarks[number] for number in sorted(numbers)]
 
-    def _join_oldest(self, item: _Object, visits: Sequence[Landmark]) -> bool:
-        """Joins the two oldest of these visits to an object. Returns whether there were two."""
-        for kept, gone in combinations(sorted(visits, key=lambda one: one.number), 2):
-            if not kept.is_distinct(gone):
-                self.graph.join(kept, gone)
-                item.landmarks.remove(gone)
-                self._cells[item.label].remove(gone.number)
-                del self._owner[gone.number]
-                self._change(item.id)
-                return True
-        return False
+    def _join_visits(self, item: Candidate, in_view: Set[Landmark]) -> None:
+        """Joins the oldest visits to an object until few are left; those that are in view go on."""
+        while len(visits := [one for one in item.landmarks if one.saved is None]) > self.graph.rule.visits:
+            ended = sorted((one for one in visits if one not in in_view), key=lambda one: one.number)
+            pairs = ((kept, gone) for kept, gone in combinations(ended, 2) if not kept.is_distinct(gone))
+            if (pair := next(pairs, None)) is None:
+                return
+            self.graph.join(*pair)
+            self._release(item, pair[1])
+            item.landmarks.remove(pair[1])
+            self._change(item.id)
 
-    def _homes(self, groups: list[list[Landmark]], ids: list[str]) -> list[list[str]]:
+    def _homes(self, groups: list[list[Landmark]]) -> list[list[str]]:
         """Ids that each group keeps, oldest first: an id stays with the object of an earlier map that had it,
         else it goes to the group with most of its sightings."""
-        shares: dict[str, Counter[int]] = {identity: Counter() for identity in ids}
+        shares: defaultdict[str, Counter[int]] = defaultdict(Counter)
         for number, group in enumerate(groups):
             for one in group:
                 if (owner := self._owner.get(one.number)) is not None:
                     shares[owner.id][number] += one.sums.count
         saved = {one.saved.id: number for number, group in enumerate(groups) for one in group if one.saved}
         homes: list[list[str]] = [[] for _ in groups]
-        for identity in sorted(ids, key=id_order):
+        for identity in sorted(shares, key=id_order):
             share, home = shares[identity], saved.get(identity)
             homes[min(share, key=lambda number: (number != home, -share[number], number))].append(identity)
         return homes
-
-    def _new_id(self, label: str) -> str:
-        self._issued[label] += 1
-        return f"{label}-{self._issued[label]}"
 
     def _rename(self, renamed: dict[str, str]) -> None:
         """Maps ids that no longer exist to those that replaced them."""
@@ -273,22 +238,18 @@ class FloorMap:
         item = self._objects.pop(identity)
         for one in item.landmarks:
             one.gone = True
-            del self._owner[one.number]
-            self._cells[item.label].remove(one.number)
+            self._release(item, one)
         self._change(identity)
+
+    def _release(self, item: Candidate, landmark: Landmark) -> None:
+        """A landmark leaves the map."""
+        del self._owner[landmark.number]
+        self._positions[item.label].remove(landmark.number)
 
     def _change(self, identity: str) -> None:
         self._changed[identity] = None
         if (item := self._objects.get(identity)) is not None:
-            item.estimate = None
-
-    def _estimate(self, item: _Object) -> Estimate:
-        """The object's estimate from its landmarks."""
-        if item.estimate is None:
-            extent_m = sum(one.extent_m * one.sums.count for one in item.landmarks)
-            extent_m /= sum(one.sums.count for one in item.landmarks)
-            item.estimate = Estimate(item.landmarks, self.graph.rule.landmarks.centre_m2(extent_m))
-        return item.estimate
+            item.is_estimated = False
 
     def _refresh(self) -> None:
         """Updates what the map shows of everything that changed since the last call."""
@@ -299,48 +260,37 @@ class FloorMap:
             if item is None:
                 self._overlaps.remove(identity)
             else:
-                position_m, sums = self._estimate(item).position_m, self._estimate(item).sums
-                width_m, evidence = sums.width_m / sums.count, sums.weight * sums.confidence
-                self._overlaps.update(Candidate(identity, item.label, position_m, width_m, evidence))
-        self._changed = {}
+                item.estimate(self.graph.rule.landmarks)
+                self._overlaps.update(item)
+        self._changed, self._listed, appeared = {}, None, False
         for identity in self._overlaps.settle():
             members = self._overlaps.members.get(identity)
-            self._show(identity, self._as_map_object(members) if members else None)
-        self._listed = None
-
-    def _show(self, identity: str, shown: MapObject | None) -> None:
-        """Shows or hides an object at its place in the order, so that a large map is not sorted again."""
-        listed, key = identity in self._shown, (id_order(identity), identity)
-        at = bisect_left(self._ordered, key, key=lambda item: (id_order(item.id), item.id))
-        if shown is None and listed:
-            del self._shown[identity], self._ordered[at]
-        elif shown is not None:
-            self._shown[identity] = shown
-            self._ordered[at : at + listed] = [shown]
+            if members and (shown := self._as_map_object(members)):
+                appeared |= identity not in self._shown
+                self._shown[identity] = shown
+            else:
+                self._shown.pop(identity, None)
+        if appeared:
+            self._shown = dict(sorted(self._shown.items(), key=lambda entry: (id_order(entry[0]), entry[0])))
 
     def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
         """Candidates in one place as one object; None where their evidence together does not suffice."""
-        items = [self._objects[candidate.id] for candidate in members]
-        best, estimates = items[0], [self._estimate(item) for item in items]
-        named: dict[str, float] = defaultdict(float)
-        for item, one in zip(items, estimates, strict=True):
-            named[item.label] += one.sums.weight
-        estimate = estimates[0]
+        best, named = members[0], defaultdict[str, float](float)
+        for one in members:
+            named[one.label] += one.sums.weight
         others = sum(weight for label, weight in named.items() if label != best.label)
-        if estimate.saved is None and estimate.sums.weight + others < self.rule.min_count:
+        if best.saved is None and best.sums.weight + others < self.rule.min_count:
             return None
-        labels = label_posterior(named, self._overlaps.rule)
-        if estimate.saved is not None and len(best.landmarks) == 1:  # not seen since
-            confidence = estimate.saved.confidence * best.presence
-            labels = estimate.saved.labels or labels
-            return replace(estimate.saved, id=best.id, confidence=confidence, labels=labels)
-        plain = estimate.as_object(best.id, best.label, self.rule)
-        places = outermost(self._views(best.landmarks), plain.position_m)
-        shape, at = estimate.saved and estimate.saved.measured, plain.position_m
+        labels, confidence = label_posterior(named, self._overlaps.rule), best.confidence(self.rule.min_count)
+        if best.saved is not None and len(best.landmarks) == 1:  # not seen since
+            labels = best.saved.labels or labels
+            return replace(best.saved, id=best.id, confidence=confidence * best.presence, labels=labels)
+        shape, at = best.saved and best.saved.measured, best.position_m
         if best.footprint is not None:
             shape, at = best.footprint.shape, at + best.footprint.offset_m
-        confidence = plain.confidence * best.presence
-        return replace(plain, position_m=at, confidence=confidence, seen_from_m=places, labels=labels, measured=shape)
+        plain = best.sums.as_object(best.id, best.label, at, best.covariance_m2)
+        places = outermost(self._views(best.landmarks), best.position_m)
+        return replace(plain, confidence=confidence * best.presence, seen_from_m=places, labels=labels, measured=shape)
 
     def _fit_footprints(self) -> None:
         """Fits the footprints of a few objects whose outlines have changed, the oldest change first."""
@@ -348,10 +298,11 @@ class FloorMap:
             del self._unfitted[identity]
             if (item := self._objects.get(identity)) is not None:
                 self._change(identity)
-                estimate = self._estimate(item)
-                width_m, saved = estimate.sums.width_m / estimate.sums.count, estimate.saved and estimate.saved.measured
-                outlines, rule = self._outlines(item.landmarks), self.rule.footprint
-                item.footprint = fitted(item.label, width_m, estimate.position_m, outlines, self.grid, rule, saved)
+                item.estimate(self.graph.rule.landmarks)
+                outlines, saved = self._outlines(item.landmarks), item.saved and item.saved.measured
+                item.footprint = fitted(
+                    item.label, item.width_m, item.position_m, outlines, self.grid, self.rule.footprint, saved
+                )
 
     def _outlines(self, landmarks: Sequence[Landmark]) -> Array:
         """Mean outline of a box in each keyframe that has any, (N, 3, 2), map frame."""
@@ -380,4 +331,4 @@ def outermost(places_m: Array, position_m: Array) -> tuple[tuple[float, float], 
     sector = np.floor((np.arctan2(away_m[:, 1], away_m[:, 0]) / math.tau + 0.5) * DIRECTIONS) % DIRECTIONS
     farthest_first = np.argsort(-np.square(away_m).sum(axis=1), kind="stable")
     rows = np.sort(farthest_first[np.unique(sector[farthest_first], return_index=True)[1]])
-    return tuple((x_m, y_m) for x_m, y_m in places_m[rows].tolist())
+    return as_places(places_m[rows])

@@ -102,14 +102,8 @@ def _rectangles(prior: Array, outlines: Array, front: Array, across: Array, rule
     its negative log-likelihood (Y,); robust and asymmetric least squares about a prior (4,)."""
     normals, offsets, sigmas_m, weights = _lines(outlines, front[0], rule)
     sizes = np.concatenate([np.full(2, rule.centre_share * 2.0 * prior[2:].max()), rule.size_share * prior[2:]])
-    design = np.concatenate(
-        [
-            np.broadcast_to(normals, (len(front), *normals.shape)),
-            np.abs(front @ normals.T)[:, :, None],
-            np.abs(across @ normals.T)[:, :, None],
-        ],
-        axis=2,
-    )
+    by_size = np.abs(np.stack([front @ normals.T, across @ normals.T], axis=-1))
+    design = np.concatenate([np.broadcast_to(normals, (len(front), *normals.shape)), by_size], axis=2)
     rectangles: Array = np.tile(prior, (len(front), 1))
     for _ in range(5):  # of reweighting, which has converged by then
         scale_m, chi2 = _residuals(design, rectangles, offsets, sigmas_m)
@@ -137,9 +131,8 @@ def _lines(outlines: Array, front: Array, rule: FootprintRule) -> tuple[Array, A
     normals = np.stack([-sides[..., 1], sides[..., 0]], axis=-1) / np.linalg.norm(sides, axis=-1, keepdims=True)
     offsets = (normals * np.stack([lens, lens, left])).sum(axis=-1) + rule.margin_m
     away_m = 0.01 * np.linalg.norm((left + right) / 2.0 - lens, axis=-1)
-    sigmas_m = np.array(
-        [[rule.side_m, rule.side_m, rule.foot_m], [rule.side_inside_m, rule.side_inside_m, rule.foot_inside_m]]
-    )
+    outside_m, inside_m = (rule.side_m, rule.side_m, rule.foot_m), (*[rule.side_inside_m] * 2, rule.foot_inside_m)
+    sigmas_m = np.array([outside_m, inside_m])
     turned = np.arctan2(normals[2, :, 1], normals[2, :, 0]) - math.atan2(front[1], front[0])
     seen = np.floor(turned % math.tau * DIRECTIONS / math.tau).astype(np.intp)
     weights: Array = np.bincount(seen)[seen].astype(np.float64) ** -0.5

@@ -35,12 +35,20 @@ class ForgetRule:
 
 
 @dataclass(slots=True)
-class _Visit:
-    """Frames from about one place. seen: whether any of them shows the object, None where an object of its class was
+class _Misses:
+    """How often an object was missed since it was last detected. pose_map_base: of the current observation, which is
+    all frames from about one place. shown: whether any of them shows the object, None where an object of its class was
     detected in its place."""
 
-    pose_map_base: SE2
-    seen: bool | None = False
+    count: int = 0
+    pose_map_base: SE2 | None = None
+    shown: bool | None = False
+
+    def observe(self, pose_map_base: SE2, same_m: float) -> None:
+        """A frame should show the object; an observation that ends by it is counted."""
+        if self.pose_map_base is None or not (self.pose_map_base.inverse() @ pose_map_base).is_within(same_m):
+            self.count += self.pose_map_base is not None and self.shown is False
+            self.pose_map_base, self.shown = pose_map_base, False
 
 
 class Forgetter:
@@ -50,8 +58,7 @@ class Forgetter:
     def __init__(self, camera: FloorCamera, rule: ForgetRule | None = None) -> None:
         self.camera, self.rule = camera, rule or ForgetRule()
         self.missing: set[str] = set()
-        self._open: dict[str, _Visit] = {}
-        self._missed: dict[str, int] = defaultdict(int)
+        self._misses: defaultdict[str, _Misses] = defaultdict(_Misses)
 
     def observe(
         self,
@@ -70,53 +77,41 @@ class Forgetter:
         """
         camera = camera or self.camera
         sighted = {floor_map.shown_as(identity) for identity in object_ids}
-        objects = self._concerned(floor_map, pose_map_base, sighted)
+        if not (objects := self._concerned(floor_map, pose_map_base, sighted)):
+            return
         boxes = expected_boxes(objects, camera, pose_map_base)
         clear = in_plain_view(objects, boxes, camera, pose_map_base, detections, self.rule.view)
         if floor is not None:
             clear |= floor_in_place(objects, camera, pose_map_base, floor)
         labels = np.array(detections.labels, dtype=object)
-        for row, item in enumerate(objects):
-            if item.id in sighted:  # it is present, whatever was missed before and in the same observation
-                if clear[row]:
-                    self._observation_at(item, pose_map_base).seen = True
-                self._missed[item.id] = 0
-            elif clear[row]:
-                observation = self._observation_at(item, pose_map_base)
-                like = detections.boxes[labels == item.label] if len(detections) else np.zeros((0, 4))
-                if not observation.seen and (iou(boxes[row], like) >= self.rule.same_iou).any():
-                    observation.seen = None
-            else:
+        for item, box, is_clear in zip(objects, boxes, clear.tolist(), strict=True):
+            if not is_clear and item.id not in sighted:
                 continue
-            missed = self._missed[item.id]
+            missed = self._misses[item.id]
+            if is_clear:
+                missed.observe(pose_map_base, self.rule.same_m)
+                if item.id in sighted:
+                    missed.shown = True
+                elif (
+                    not missed.shown and (iou(box, detections.boxes[labels == item.label]) >= self.rule.same_iou).any()
+                ):
+                    missed.shown = None
+            if item.id in sighted:  # it is present, whatever was missed before and in the same observation
+                missed.count = 0
             if item.id in kept:
                 floor_map.set_presence(item.id, 1.0)
-                (self.missing.add if missed >= self.rule.misses else self.missing.discard)(item.id)
-            elif missed >= self.rule.misses:
+                (self.missing.add if missed.count >= self.rule.misses else self.missing.discard)(item.id)
+            elif missed.count >= self.rule.misses:
                 floor_map.drop(item.id)
-                for counts in (self._missed, self._open):
-                    counts.pop(item.id, None)
+                del self._misses[item.id]
             else:
-                floor_map.set_presence(item.id, 1.0 - missed / self.rule.misses)
+                floor_map.set_presence(item.id, 1.0 - missed.count / self.rule.misses)
 
     def _concerned(self, floor_map: FloorMap, pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
         """Objects near enough that are sighted or ahead; others cannot be in view."""
         objects = floor_map.near(np.array([pose_map_base.x_m, pose_map_base.y_m]), NEAR_M)
-        if not objects:
-            return []
-        positions = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))
-        ahead = positions[:, 0] > 0.0
-        return [item for item, close in zip(objects, ahead, strict=True) if close or item.id in sighted]
-
-    def _observation_at(self, item: MapObject, pose_map_base: SE2) -> _Visit:
-        """The observation that this frame belongs to; an observation that ends by it is counted."""
-        observation = self._open.get(item.id)
-        if observation is not None:
-            if (observation.pose_map_base.inverse() @ pose_map_base).is_within(self.rule.same_m):
-                return observation
-            self._missed[item.id] += observation.seen is False
-        self._open[item.id] = _Visit(pose_map_base)
-        return self._open[item.id]
+        places = pose_map_base.inverse().apply(np.reshape([item.position_m for item in objects], (-1, 2)))
+        return [item for item, x_m in zip(objects, places[:, 0], strict=True) if x_m > 0.0 or item.id in sighted]
 
 
 def is_crossed(item: MapObject, path: KeyframeTrajectory, lens_m: float) -> bool:

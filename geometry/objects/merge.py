@@ -1,20 +1,20 @@
 """Merges maps of one place: fuses matched objects, copies all others and keeps edits."""
 
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.arrays import CHI2_997, Array, positive
+from edgemap.geometry.arrays import CHI2_997, positive
 from edgemap.geometry.grid.canvas import merged_grid
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.map_object import MapObject, id_order, placed_history
+from edgemap.geometry.map_object import Ids, MapObject, id_order
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
-from edgemap.geometry.objects.class_posterior import APART
+from edgemap.geometry.objects.candidates import APART
 from edgemap.geometry.observations.class_extents import extent_m
 from edgemap.geometry.registration.alignment import Alignment, AlignmentError, Pairs, align
-from edgemap.geometry.se2 import SE2, by_pose, wrap_angle
+from edgemap.geometry.registration.hypotheses import Places
+from edgemap.geometry.se2 import SE2, by_pose
 from edgemap.geometry.slam.object_landmarks import LandmarkRule
 
 AnnotatedMap = tuple[Sequence[MapObject], Annotations]
@@ -28,16 +28,9 @@ CORRECTABLE = {
 
 def moved(item: MapObject, alignment: Alignment) -> MapObject:
     """An object of the second map in the first one's frame, with the alignment's covariance added."""
-    pose = alignment.pose_a_b
-    rotation = pose.rotation()
-    (wrt_pose,) = by_pose((rotation @ item.position_m)[None])
-    covariance = rotation @ item.covariance_m2 @ rotation.T + wrt_pose @ alignment.covariance @ wrt_pose.T
-    views = tuple((float(x), float(y)) for x, y in pose.apply(np.reshape(item.seen_from_m, (-1, 2))))
-    yaw_rad = None if item.yaw_rad is None else wrap_angle(item.yaw_rad + pose.yaw_rad)
-    shape = item.measured and item.measured.turned(pose.yaw_rad)
-    at_m = pose.apply(item.position_m)
-    placed = replace(item, position_m=at_m, seen_from_m=views, yaw_rad=yaw_rad, measured=shape)
-    return replace(placed, covariance_m2=covariance, history=placed_history(item.history, pose.apply))
+    pose, here = alignment.pose_a_b, item.transformed(alignment.pose_a_b)
+    (wrt_pose,) = by_pose((pose.rotation() @ item.position_m)[None])
+    return replace(here, covariance_m2=here.covariance_m2 + wrt_pose @ alignment.covariance @ wrt_pose.T)
 
 
 def merge_maps(
@@ -52,19 +45,15 @@ def merge_maps(
     """
     rule = rule or LandmarkRule()
     here = [moved(item, alignment) for item in second]
-    partner = {j: i for i, j in (*alignment.pairs, *_overlapping(first, here, alignment.pairs))}
-    merged, taken = {item.id: item for item in first}, {item.id for item in first}
-    highest = _highest(item.id for item in (*first, *second))
-    became: dict[str, str] = {}
-    for j, item in enumerate(second):
+    partner = {j: i for i, j in _paired(first, here, alignment.pairs)}
+    merged, ids, became = {item.id: item for item in first}, Ids(item.id for item in (*first, *second)), {}
+    for j, item in enumerate(here):
         if j in partner:
             ours = first[partner[j]]
-            merged[ours.id] = fused(ours, here[j], rule)
-            became[item.id] = ours.id
-            continue
-        identity = _free_id(item, taken, highest)
-        merged[identity] = replace(here[j], id=identity)
-        became[item.id] = identity
+            merged[ours.id], became[item.id] = fused(ours, item, rule), ours.id
+        else:
+            became[item.id] = ids.new(item.label) if item.id in merged else item.id
+            merged[became[item.id]] = replace(item, id=became[item.id])
     return sorted(merged.values(), key=lambda item: id_order(item.id)), became
 
 
@@ -113,7 +102,7 @@ def merge_all(
     groups, rest = list[MergedMaps](), list(maps) if base is None else [base]
     while rest:
         objects, annotations = maps[rest[0]]
-        exact = {rest[0]: Alignment.exact(SE2())}
+        exact = {rest[0]: Alignment(SE2())}
         groups.append(grown(MergedMaps(list(objects), annotations, exact, {}, grids.get(rest[0])), rest))
         rest = [name for name in rest if name not in groups[-1].alignments]
     if not groups:
@@ -130,67 +119,37 @@ def merge_annotated(
     (ours, annotations), (theirs, more) = first, second
     merged, became = merge_maps(ours, theirs, alignment)
     first_ids, matched = {item.id for item in ours}, set(became.values())
-    removed = [moved(item, alignment) for item in more.deleted]
+    removed, more = [moved(item, alignment) for item in more.deleted], more.transformed(alignment.pose_a_b)
     gone: set[str] = set()
     for objects, deleted in (
         ([item for item in merged if item.id in first_ids and item.id not in matched], removed),
         ([item for item in merged if item.id not in first_ids], annotations.deleted),
     ):
-        gone |= {objects[i].id for i, _ in _overlapping(objects, deleted, ())}
+        gone |= {objects[i].id for i, _ in _paired(objects, deleted)}
     merged = [item for item in merged if item.id not in gone or item.name or item.confirmed or item.corrected]
-    taken = {item.id for item in merged}
-    highest = _highest(taken)
-    kept = [replace(item, id=_free_id(item, taken, highest)) for item in (*annotations.deleted, *removed)]
-    dock = annotations.dock or (more.dock and alignment.pose_a_b @ more.dock)
-    identity = annotations.identity and annotations.identity.merged(more.identity)
-    added = annotations.with_areas(more, alignment.pose_a_b)
-    return merged, replace(added, deleted=tuple(kept), dock=dock, identity=identity)
+    kept, taken = list[MapObject](), {item.id for item in merged}
+    ids = Ids(item.id for item in (*merged, *annotations.deleted, *removed))
+    for item in (*annotations.deleted, *removed):
+        kept.append(replace(item, id=ids.new(item.label)) if item.id in taken else item)
+        taken.add(item.id)
+    dock, identity = annotations.dock or more.dock, annotations.identity and annotations.identity.merged(more.identity)
+    return merged, replace(annotations.with_areas(more), deleted=tuple(kept), dock=dock, identity=identity)
 
 
-def _highest(ids: Iterable[str]) -> Counter[str]:
-    """The highest number of each label."""
-    highest: Counter[str] = Counter()
-    for label, number in map(id_order, ids):
-        highest[label] = max(highest[label], number)
-    return highest
-
-
-def _free_id(item: MapObject, taken: set[str], highest: Counter[str]) -> str:
-    """The object's id, or where that is taken the next one of its label; it is taken from now on."""
-    identity = f"{item.label}-{highest[item.label] + 1}" if item.id in taken else item.id
-    taken.add(identity)
-    label, number = id_order(identity)
-    highest[label] = max(highest[label], number)
-    return identity
-
-
-def _overlapping(first: Sequence[MapObject], second: Sequence[MapObject], pairs: Pairs) -> Pairs:
-    """Unpaired objects of both maps, in one frame, that cannot stand side by side: nearest first, one to one."""
-    paired, near = ({i for i, _ in pairs}, {j for _, j in pairs}), list[tuple[float, int, int]]()
-    for label in {item.label for item in first} & {item.label for item in second}:
-        ours, theirs = (
-            [row for row, item in enumerate(items) if item.label == label and row not in gone]
-            for items, gone in zip((first, second), paired, strict=True)
-        )
-        (a, extents_a), (b, extents_b) = (
-            _standing([items[row] for row in rows]) for items, rows in ((first, ours), (second, theirs))
-        )
-        distances_m = np.linalg.norm(a[:, None] - b[None], axis=-1)
-        spacing_m = APART * np.minimum(extents_a[:, None], extents_b[None])
-        near += [(float(distances_m[i, j]), ours[i], theirs[j]) for i, j in np.argwhere(distances_m < spacing_m)]
-    nearest: dict[int, int] = {}
-    taken: set[int] = set()
-    for _, i, j in sorted(near):
-        if i not in nearest and j not in taken:
-            nearest[i] = j
+def _paired(first: Sequence[MapObject], second: Sequence[MapObject], pairs: Pairs = ()) -> Pairs:
+    """These pairs of objects of two maps, in one frame, and with them all others that cannot stand side by side:
+    nearest first, one to one."""
+    ours, theirs = Places.of(first), Places.of(second)
+    a_m, b_m = (np.array([extent_m(item.label, item.width_m) for item in items]) for items in (first, second))
+    distances_m = np.linalg.norm(ours.positions_m[:, None] - theirs.positions_m, axis=-1)
+    alike = ours.labels[:, None] == theirs.labels
+    near = np.argwhere(alike & (distances_m < APART * np.minimum(a_m[:, None], b_m)))
+    partner, taken = dict(pairs), {j for _, j in pairs}
+    for i, j in sorted(near.tolist(), key=lambda pair: (distances_m[*pair], pair)):
+        if i not in partner and j not in taken:
+            partner[i] = j
             taken.add(j)
-    return tuple(nearest.items())
-
-
-def _standing(objects: Sequence[MapObject]) -> tuple[Array, Array]:
-    """Positions (N, 2) and extents (N,), metres."""
-    positions_m = np.array([item.position_m for item in objects]).reshape(-1, 2)
-    return positions_m, np.array([extent_m(item.label, item.width_m) for item in objects])
+    return tuple(partner.items())
 
 
 def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
@@ -207,10 +166,8 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
     floor_m2 = np.eye(2) * rule.centre_m2(extent_m(ours.label, ours.width_m))
     a, b = (np.linalg.inv(positive(item.covariance_m2 - floor_m2, least=1e-4)) for item in (ours, theirs))
     fused_m2 = np.linalg.inv(a + b)
-    smallest = min(np.trace(ours.covariance_m2), np.trace(theirs.covariance_m2))
-    covariance = fused_m2 + floor_m2
-    if np.trace(covariance) > smallest:  # one map has less variance than the floor
-        covariance = min(ours.covariance_m2, theirs.covariance_m2, key=np.trace)
+    # One map may have less variance than the floor.
+    covariance_m2 = min(fused_m2 + floor_m2, ours.covariance_m2, theirs.covariance_m2, key=np.trace)
     count = ours.count + theirs.count
     share = ours.count / count
     labels = {
@@ -220,7 +177,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
     estimate = replace(
         ours,
         position_m=fused_m2 @ (a @ ours.position_m + b @ theirs.position_m),
-        covariance_m2=covariance,
+        covariance_m2=covariance_m2,
         width_m=share * ours.width_m + (1 - share) * theirs.width_m,
         height_m=share * ours.height_m + (1 - share) * theirs.height_m,
         count=count,
@@ -234,9 +191,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
         labels=labels,
         name=ours.name or theirs.name,
         confirmed=ours.confirmed or theirs.confirmed,
-        measured=min(ours.measured, theirs.measured, key=lambda one: one.yaw_sigma_rad)
-        if ours.measured and theirs.measured
-        else ours.measured or theirs.measured,
+        measured=min(filter(None, (ours.measured, theirs.measured)), key=lambda one: one.yaw_sigma_rad, default=None),
     )
     return with_stated(estimate, parts)
 

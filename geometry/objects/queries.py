@@ -11,11 +11,6 @@ from edgemap.geometry.grid.rooms import inside
 from edgemap.geometry.map_object import MapEvent, MapObject
 
 
-def labelled(objects: Sequence[MapObject], *labels: str) -> list[MapObject]:
-    """The objects of these classes, in their order."""
-    return [item for item in objects if item.label in labels]
-
-
 def nearest(
     objects: Sequence[MapObject], point_m: ArrayLike, label: str | None = None, count: int | None = None
 ) -> list[tuple[float, MapObject]]:
@@ -26,7 +21,7 @@ def nearest(
     point = np.asarray(point_m, dtype=np.float64)
     if point.shape != (2,) or not np.isfinite(point).all():
         raise MapError(f"nearest: the point must be two finite numbers, x and y in metres, not {point_m!r}")
-    chosen = objects if label is None else labelled(objects, label)
+    chosen = [item for item in objects if label in (None, item.label)]
     pairs = [(float(np.linalg.norm(item.position_m - point)), item) for item in chosen]
     return sorted(pairs, key=lambda pair: pair[0])[:count]
 

@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.rooms import Disc, Door, Room, floor_parts, inside, passable
-from edgemap.geometry.map_object import MapObject, id_order, radius_m
+from edgemap.geometry.map_object import Ids, MapObject, id_order, radius_m
 from edgemap.geometry.objects.annotations import Annotations
 
 KINDS: Mapping[str, frozenset[str]] = {
@@ -86,10 +86,9 @@ def _known_rooms(parts: Sequence[Room], known: Sequence[Room]) -> tuple[list[Roo
     same = both_m2 / (areas_m2[0][:, None] + areas_m2[1] - both_m2)
     rows, columns = linear_sum_assignment(same, maximize=True)
     pairs = {int(b): known[a] for a, b in zip(rows, columns, strict=True) if same[a, b] >= SAME_SHARE}
-    last = max((id_order(room.id)[1] for room in known), default=0)
-    ids = (f"room-{number}" for number in range(last + 1, last + 1 + len(parts)))
+    ids = Ids(room.id for room in known)
     rooms = [
-        replace(part, id=pairs[n].id, name=pairs[n].name) if n in pairs else replace(part, id=next(ids))
+        replace(part, id=pairs[n].id, name=pairs[n].name) if n in pairs else replace(part, id=ids.new("room"))
         for n, part in enumerate(parts)
     ]
     became = {part.id: room.id for part, room in zip(parts, rooms, strict=True)}
@@ -112,16 +111,14 @@ def shared_m2(a: Room, b: Room) -> float:
 def _known_doors(
     found: Sequence[Door], known: Sequence[Door], rooms: Sequence[Room], grid: OccupancyGrid
 ) -> list[Door]:
-    doors, left = list[Door](), list(known)
-    last = max((id_order(door.id)[1] for door in known), default=0)
+    doors, left, ids = list[Door](), list(known), Ids(door.id for door in known)
     for door in found:
         near = min(left, key=lambda one: _apart_m(one, door), default=None)
         if near is not None and _apart_m(near, door) <= SAME_M:
             left.remove(near)
             doors.append(replace(door, id=near.id))
         else:
-            last += 1
-            doors.append(replace(door, id=f"door-{last}"))
+            doors.append(replace(door, id=ids.new("door")))
     for door in left:
         along = np.subtract(door.to_m, door.from_m)
         aside = BESIDE_M * np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)

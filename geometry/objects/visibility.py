@@ -33,16 +33,13 @@ def expected_boxes(objects: Sequence[MapObject], camera: FloorCamera, pose_map_b
     """Projects each object's upright cylinder (footprint's circle, mean height) to a box (N, 4), x0 y0 x1 y1 px as
     detectors count; NaN where a part of it is behind the camera.
     """
-    if not objects:
-        return np.zeros((0, 4))
     centres = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))
     radii = np.array([radius_m(item) for item in objects])
     heights = np.array([item.height_m for item in objects])
     turns = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
     ring = centres[:, None] + radii[:, None, None] * np.column_stack([np.cos(turns), np.sin(turns)])[None]
-    floor = np.concatenate([ring, np.zeros((len(ring), AROUND, 1))], axis=-1)
-    top = np.concatenate([ring, np.broadcast_to(heights[:, None, None], (len(ring), AROUND, 1))], axis=-1)
-    pixels = camera.project(np.concatenate([floor, top], axis=1).reshape(-1, 3)).reshape(len(objects), -1, 2) + 0.5
+    cylinders = np.dstack([np.tile(ring, (1, 2, 1)), heights[:, None] * np.repeat([0.0, 1.0], AROUND)])
+    pixels = camera.project(cylinders.reshape(-1, 3)).reshape(len(objects), -1, 2) + 0.5
     return np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=-1)
 
 
@@ -72,7 +69,8 @@ def in_plain_view(
         nearer = np.concatenate(
             [detections.boxes[detections.boxes[:, 3] > boxes[row, 3]], boxes[(reach < reach[row]) & (boxes[:, 2] > 0)]]
         )
-        clear[row] = covered_share(boxes[row], nearer) <= rule.covered_share
+        # A box with NaN hides nothing.
+        clear[row] = np.nan_to_num(shares_inside(boxes[row], nearer)).max(initial=0.0) <= rule.covered_share
     return clear
 
 
@@ -82,8 +80,6 @@ def floor_in_place(
     """Which objects have visible floor in their place, (N,): at the position and all round its ellipse of one standard
     deviation, where that is large enough for the mask. No wall stands before it then, wherever the robot is.
     """
-    if not objects:
-        return np.zeros(0, dtype=bool)
     turns = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
     circle = np.column_stack([np.append(np.cos(turns), 0.0), np.append(np.sin(turns), 0.0)])
     ellipses = circle @ np.linalg.cholesky([item.covariance_m2 for item in objects]).transpose(0, 2, 1)
@@ -100,11 +96,6 @@ def _off_lines_m(here: Array, views: Array, position_m: Array) -> float:
     lines = position_m - views
     along = np.einsum("ni,ni->n", here - views, lines) / np.maximum((lines**2).sum(axis=1), 1e-9)
     return float(np.linalg.norm(views + np.clip(along, 0.0, 1.0)[:, None] * lines - here, axis=1).min())
-
-
-def covered_share(box: Array, others: Array) -> float:
-    """Share of a box behind the one of the others that hides most of it; boxes with NaN hide nothing."""
-    return float(np.nan_to_num(shares_inside(box, others)).max(initial=0.0))
 
 
 def shares_inside(box: Array, others: Array) -> Array:

@@ -50,11 +50,10 @@ class ZoneWatch:
         self._looked_s = stamp_s
         now = {(zone.id, item.id): item for zone in zones for item in inside_polygon(objects, zone.corners_m)}
         by_id = {zone.id: zone for zone in zones}
-        drawn = {identity for identity, zone in by_id.items() if self._zones.get(identity) != zone}
-        stays = by_id.keys() - drawn
+        stays = {identity for identity, zone in by_id.items() if self._zones.get(identity) == zone}
         self._zones = by_id
         self._inside = {place: item for place, item in self._inside.items() if place[0] in stays}
-        self._inside |= {place: item for place, item in now.items() if place[0] in drawn}
+        self._inside |= {place: item for place, item in now.items() if place[0] not in stays}
         differs = now.keys() ^ self._inside.keys()
         self._pending = {place: self._pending.get(place, stamp_s) for place in differs}
         events = []

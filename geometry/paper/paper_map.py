@@ -1,12 +1,12 @@
 """`--clustering paper`: single linkage per label at 1 m over all sightings (paper, section 3.7)."""
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.map_object import MapObject, SightingSums, id_order
+from edgemap.geometry.map_object import Ids, MapObject, SightingSums, id_order
 from edgemap.geometry.observations.sighting import PlacedSighting
 
 
@@ -18,18 +18,6 @@ class _Cluster:
     positions_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
     covariance_sum: Array = field(default_factory=lambda: np.zeros((2, 2)))
     sums: SightingSums = field(default_factory=SightingSums)
-
-    def add(self, placed: PlacedSighting) -> None:
-        """Adds a sighting."""
-        self.positions_m = np.concatenate([self.positions_m, placed.position_map_m[None]])
-        self.covariance_sum += placed.covariance_m2 + placed.shared_m2 + placed.from_pose(placed.pose_covariance)
-        self.sums.add(placed)
-
-    def join(self, other: "_Cluster") -> None:
-        """Adds the sightings of another cluster."""
-        self.positions_m = np.concatenate([self.positions_m, other.positions_m])
-        self.covariance_sum += other.covariance_sum
-        self.sums.join(other.sums)
 
 
 class PaperMap:
@@ -45,7 +33,7 @@ class PaperMap:
     def __init__(self) -> None:
         self.merged: dict[str, str] = {}
         self._clusters: defaultdict[str, list[_Cluster]] = defaultdict(list)  # of each label, the oldest first
-        self._issued: Counter[str] = Counter()
+        self._ids = Ids()
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Adds one frame's sightings. Returns the id of each one's object."""
@@ -65,14 +53,16 @@ class PaperMap:
         away_m2 = [np.square(one.positions_m - placed.position_map_m).sum(axis=1).min() for one in clusters]
         near = [one for one, distance_m2 in zip(clusters, away_m2, strict=True) if distance_m2 <= 1.0]
         if not near:
-            self._issued[placed.label] += 1
-            near = [_Cluster(f"{placed.label}-{self._issued[placed.label]}")]
+            near = [_Cluster(self._ids.new(placed.label))]
             clusters += near
         kept, *gone = near
+        kept.positions_m = np.concatenate([*(one.positions_m for one in near), placed.position_map_m[None]])
         for other in gone:
-            kept.join(other)
+            kept.covariance_sum += other.covariance_sum
+            kept.sums.join(other.sums)
             clusters.remove(other)
             self.merged = {old: kept.id if new == other.id else new for old, new in self.merged.items()}
             self.merged[other.id] = kept.id
-        kept.add(placed)
+        kept.covariance_sum += placed.covariance_m2 + placed.shared_m2 + placed.from_pose(placed.pose_covariance)
+        kept.sums.add(placed)
         return kept.id

@@ -6,8 +6,10 @@ where chance explains it, or where a clearly different motion explains nearly as
 """
 
 import math
+from collections import Counter
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,25 +51,21 @@ class Alignment:
     yaw) of the first frame, m and rad. pairs: rows of objects in the first and the second map that are one object.
     shared: number of objects that could be pairs by their labels. rival: number of pairs of the next, clearly different
     alignment. chance: expected number of alignments as good as this one between unrelated maps. rms_m: of the pairs'
-    distances."""
+    distances. chi2: sum of their squared Mahalanobis distances. A stated pose is certain without any pairs."""
 
     pose_a_b: SE2
-    covariance: Array
-    pairs: Pairs
-    shared: int
-    rival: int
-    chance: float
-    rms_m: float
-
-    @classmethod
-    def exact(cls, pose_a_b: SE2) -> "Alignment":
-        """A pose that is certain without any pairs."""
-        return cls(pose_a_b, np.zeros((3, 3)), (), 0, 0, 0.0, 0.0)
+    covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    pairs: Pairs = ()
+    shared: int = 0
+    rival: int = 0
+    chance: float = 0.0
+    rms_m: float = 0.0
+    chi2: float = 0.0
 
 
 def align(first: Sequence[MapObject], second: Sequence[MapObject], grids: Grids = (None, None)) -> Alignment:
     """Find the second map's place in the first one's frame. Raises AlignmentError where that is not certain."""
-    work = aligning(first, second, grids=grids)
+    work = Registration(first, second, grids=grids).aligning()
     try:
         for _ in range(5000):  # some ten seconds, for which somebody waits
             next(work)
@@ -76,132 +74,102 @@ def align(first: Sequence[MapObject], second: Sequence[MapObject], grids: Grids 
     raise AlignmentError(f"too many motions to try between {len(first)} and {len(second)} objects")
 
 
-def aligning(
-    first: Sequence[MapObject],
-    second: Sequence[MapObject],
-    rule: AlignmentRule | None = None,
-    grids: Grids = (None, None),
-) -> Generator[None, None, Alignment]:
-    """Aligns two maps as `align` does, and yields after every unit of work; each unit has bounded size. grids: of both
-    maps; they are evidence as the objects are, and two pairs suffice.
-
-    Chance is counted a contrario (Moisan and Stival 2004): the number of motions tried, times the probability that as
-    many of the other objects fall as near to one of their label at random.
-    """
-    if len(first) * len(second) > MAXIMUM_PAIRS:
-        raise AlignmentError(
-            f"maps of {len(first)} and {len(second)} objects are too large to compare: "
-            f"{MAXIMUM_PAIRS:,} pairs of objects at most"
-        )
-    maps = _Maps(first, second, rule, grids)
-    rule, shared = maps.rule, maps.shared()
-    least = rule.least_pairs if None in grids else 2
-    if shared < least:
-        raise AlignmentError(
-            f"the maps ({len(first)} and {len(second)} objects) share {shared} objects by label, "
-            f"at least {least} are needed"
-        )
-    tried = hypotheses(maps.first, maps.second)
-    yield
-    modes, fits = (yield from best_modes(tried, maps.first, maps.second, rule.reach_m)), list[_Fit]()
-    for mode in modes:
-        yield
-        if fit := maps.refined(mode):
-            fits.append(maps.with_grid(fit, maps.chance(fit, shared, len(tried.yaw_rad))))
-    yield
-    if not fits:
-        raise AlignmentError(f"no motion lays more than one of {shared} objects with a common label onto its like")
-    weight = (lambda fit: len(fit.pairs)) if None in grids else _surprise
-    best = max(fits, key=lambda fit: (weight(fit), -fit.distances2.sum()))
-    rivals = [fit for fit in fits if maps.differ(best, fit)]
-    rival = max(rivals, key=weight, default=None)
-    summary = f"the best alignment explains {len(best.pairs)} of {shared} objects with a common label"
-    if len(best.pairs) < least:
-        raise AlignmentError(f"{summary}, at least {least} are needed")
-    if best.chance > rule.chance:
-        raise AlignmentError(
-            f"{summary}, which maps of unrelated places would do {best.chance:.2g} times "
-            f"(at most {rule.chance:g} is accepted)"
-        )
-    count = len(rival.pairs) if rival else 0
-    if rival and weight(rival) > rule.rival_share * weight(best):
-        raise AlignmentError(
-            f"ambiguous: {summary} ({_words(best.pose)}), and a clearly different one {count} ({_words(rival.pose)})"
-        )
-    return maps.alignment(best, shared, count)
-
-
-def realigned(
-    alignment: Alignment,
-    first: Sequence[MapObject],
-    second: Sequence[MapObject],
-    rule: AlignmentRule | None = None,
-    grids: Grids = (None, None),
-) -> Alignment:
-    """Updates an alignment of maps that have changed a little since. Raises AlignmentError where too few objects still
-    match."""
-    maps = _Maps(first, second, rule, grids)
-    if fit := maps.refined(alignment.pose_a_b):
-        fit = maps.with_grid(fit, alignment.chance)
-    if fit is None or len(fit.pairs) < max(2, maps.rule.rival_share * len(alignment.pairs)):
-        raise AlignmentError(f"{len(alignment.pairs)} objects matched, and no longer do")
-    return replace(alignment, pose_a_b=fit.pose, covariance=fit.covariance, pairs=fit.pairs)
-
-
-def aligned_near(
-    guesses: Sequence[SE2],
-    first: Sequence[MapObject],
-    second: Sequence[MapObject],
-    rule: AlignmentRule | None = None,
-    grids: Grids = (None, None),
-) -> Alignment:
-    """Aligns the second map to the first one from a few guessed poses of the second map in the first map's frame.
-
-    A prior guess is one hypothesis among few, while `align` tries thousands, so fewer objects confirm it. Chance is the
-    number of guesses, times the probability that as many of the second map's objects fall onto one of their label at
-    random, times that of the grids. Raises AlignmentError where no guess is certain.
-    """
-    maps, fits = _Maps(first, second, rule, grids), list[_Fit]()
-    for guess in guesses:
-        fit = maps.refined(guess)
-        if fit and math.hypot(fit.pose.x_m - guess.x_m, fit.pose.y_m - guess.y_m) <= maps.rule.reach_m:
-            near = float(maps.probabilities(fit.pose).mean())
-            fits.append(maps.with_grid(fit, len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), near))))
-    best = min(fits, key=lambda fit: fit.chance, default=None)
-    if best is None or best.chance > maps.rule.chance:
-        reason = f"by chance {best.chance:.2g} times" if best else "no two objects agree"
-        raise AlignmentError(f"no guessed start fits ({reason}; at most {maps.rule.chance:g} is accepted)")
-    return maps.alignment(best, maps.shared())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
-    """A refined motion. distances2: squared Mahalanobis distance of each pair. chance: see `Alignment`, with that of
-    the grids."""
-
-    pose: SE2
-    covariance: Array
-    pairs: Pairs
-    distances2: Array
-    chance: float = 1.0
-
-
-class _Maps:
-    """Two maps that are compared, by a rule."""
+class Registration:
+    """Registration of two maps. grids: of both; they are evidence as the objects are. counts: of their objects. shared:
+    see `Alignment`."""
 
     def __init__(
-        self, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None, grids: Grids
+        self,
+        first: Sequence[MapObject],
+        second: Sequence[MapObject],
+        rule: AlignmentRule | None = None,
+        grids: Grids = (None, None),
     ) -> None:
         self.first, self.second = Places.of(first), Places.of(second)
-        self.rule, self._grids = rule or AlignmentRule(), grids
-        self._alike = self.first.labels[:, None] == self.second.labels
+        self.rule, self.grids, self.counts = rule or AlignmentRule(), grids, (len(first), len(second))
+        self.shared = (Counter(self.first.labels.tolist()) & Counter(self.second.labels.tolist())).total()
 
-    def shared(self) -> int:
-        """Number of objects that could be pairs by their labels."""
-        ours, theirs = self.first.labels.tolist(), self.second.labels.tolist()
-        return sum(min(ours.count(label), theirs.count(label)) for label in set(ours))
+    @cached_property
+    def _alike(self) -> NDArray[np.bool_]:
+        """Which objects of both maps have one label."""
+        return self.first.labels[:, None] == self.second.labels
 
-    def refined(self, pose: SE2) -> _Fit | None:
+    def aligning(self) -> Generator[None, None, Alignment]:
+        """Aligns the maps as `align` does, and yields after every unit of work; each unit has bounded size. Where there
+        are grids, two pairs suffice.
+
+        Chance is counted a contrario (Moisan and Stival 2004): the number of motions tried, times the probability that
+        as many of the other objects fall as near to one of their label at random.
+        """
+        (ours, theirs), rule, shared = self.counts, self.rule, self.shared
+        if ours * theirs > MAXIMUM_PAIRS:
+            raise AlignmentError(
+                f"maps of {ours} and {theirs} objects are too large to compare: "
+                f"{MAXIMUM_PAIRS:,} pairs of objects at most"
+            )
+        least = rule.least_pairs if None in self.grids else 2
+        if shared < least:
+            raise AlignmentError(
+                f"the maps ({ours} and {theirs} objects) share {shared} objects by label, at least {least} are needed"
+            )
+        tried = hypotheses(self.first, self.second)
+        yield
+        modes, fits = (yield from best_modes(tried, self.first, self.second, rule.reach_m)), list[Alignment]()
+        for mode in modes:
+            yield
+            if fit := self._refined(mode):
+                fits.append(self._with_grid(fit, self._chance(fit, len(tried.yaw_rad))))
+        yield
+        if not fits:
+            raise AlignmentError(f"no motion lays more than one of {shared} objects with a common label onto its like")
+        weight = (lambda fit: len(fit.pairs)) if None in self.grids else _surprise
+        best = max(fits, key=lambda fit: (weight(fit), -fit.chi2))
+        rival = max((fit for fit in fits if self._differ(best, fit)), key=weight, default=None)
+        summary = f"the best alignment explains {len(best.pairs)} of {shared} objects with a common label"
+        if len(best.pairs) < least:
+            raise AlignmentError(f"{summary}, at least {least} are needed")
+        if best.chance > rule.chance:
+            raise AlignmentError(
+                f"{summary}, which maps of unrelated places would do {best.chance:.2g} times "
+                f"(at most {rule.chance:g} is accepted)"
+            )
+        if rival and weight(rival) > rule.rival_share * weight(best):
+            raise AlignmentError(
+                f"ambiguous: {summary} ({_words(best.pose_a_b)}), and a clearly different one {len(rival.pairs)} "
+                f"({_words(rival.pose_a_b)})"
+            )
+        return self._accepted(best, len(rival.pairs) if rival else 0)
+
+    def realigned(self, alignment: Alignment) -> Alignment:
+        """Updates an alignment of the maps as they were a little earlier. Raises AlignmentError where too few objects
+        still match."""
+        if fit := self._refined(alignment.pose_a_b):
+            fit = self._with_grid(fit, alignment.chance)
+        if fit is None or len(fit.pairs) < max(2, self.rule.rival_share * len(alignment.pairs)):
+            raise AlignmentError(f"{len(alignment.pairs)} objects matched, and no longer do")
+        return replace(alignment, pose_a_b=fit.pose_a_b, covariance=fit.covariance, pairs=fit.pairs)
+
+    def aligned_near(self, guesses: Sequence[SE2]) -> Alignment:
+        """Aligns the second map to the first one from a few guessed poses of the second map in the first map's frame.
+
+        A prior guess is one hypothesis among few, while `align` tries thousands, so fewer objects confirm it. Chance is
+        the number of guesses, times the probability that as many of the second map's objects fall onto one of their
+        label at random, times that of the grids. Raises AlignmentError where no guess is certain.
+        """
+        fits = list[Alignment]()
+        for guess in guesses:
+            fit = self._refined(guess)
+            if fit and math.hypot(fit.pose_a_b.x_m - guess.x_m, fit.pose_a_b.y_m - guess.y_m) <= self.rule.reach_m:
+                near = float(self._probabilities(fit.pose_a_b).mean())
+                chance = len(guesses) * float(bdtrc(len(fit.pairs) - 1, self.counts[1], near))
+                fits.append(self._with_grid(fit, chance))
+        best = min(fits, key=lambda fit: fit.chance, default=None)
+        if best is None or best.chance > self.rule.chance:
+            reason = f"by chance {best.chance:.2g} times" if best else "no two objects agree"
+            raise AlignmentError(f"no guessed start fits ({reason}; at most {self.rule.chance:g} is accepted)")
+        return self._accepted(best)
+
+    def _refined(self, pose: SE2) -> Alignment | None:
         """Pair one to one and fit in turns until the pairs stay; None where fewer than two are left."""
         pairs, covariance = self._paired(pose), np.zeros((3, 3))
         for _ in range(10):
@@ -213,19 +181,21 @@ class _Maps:
                 break
         if len(pairs) < 2:
             return None
-        distances2 = self._distances2(pose, *np.array(pairs).T)
-        free = 2 * len(pairs) - 3
-        return _Fit(pose, covariance * max(1.0, float(distances2.sum()) / free), pairs, distances2)
+        chi2 = float(self._distances2(pose, *np.array(pairs).T).sum())
+        covariance = covariance * max(1.0, chi2 / (2 * len(pairs) - 3))
+        return Alignment(pose, covariance, pairs, self.shared, chi2=chi2)
 
-    def with_grid(self, fit: _Fit, chance: float) -> _Fit:
+    def _with_grid(self, fit: Alignment, chance: float) -> Alignment:
         """The fit with the chance of both; by the grids where these agree for certain."""
-        grid = fitted_grid(self._grids, fit.pose)
-        if grid is None or grid.chance > self.rule.chance:
-            return replace(fit, chance=chance * (grid.chance if grid else 1.0))
-        pairs = self._paired(grid.pose) or fit.pairs
-        return replace(fit, pose=grid.pose, covariance=grid.covariance, pairs=pairs, chance=chance * grid.chance)
+        if (grid := fitted_grid(self.grids, fit.pose_a_b)) is None:
+            return replace(fit, chance=chance)
+        pose, covariance, by_grid = grid
+        if by_grid > self.rule.chance:
+            return replace(fit, chance=chance * by_grid)
+        pairs = self._paired(pose) or fit.pairs
+        return replace(fit, pose_a_b=pose, covariance=covariance, pairs=pairs, chance=chance * by_grid)
 
-    def probabilities(self, pose: SE2) -> Array:
+    def _probabilities(self, pose: SE2) -> Array:
         """Probability of each object of the second map (N,) that it falls within the gate of one of its label at
         random."""
         rows, columns = np.nonzero(self._alike)
@@ -235,32 +205,33 @@ class _Maps:
         span = np.ptp(self.first.positions_m, axis=0) + 1.0
         return np.minimum(areas_m2 / float(np.prod(span)), 1.0)
 
-    def chance(self, fit: _Fit, shared: int, tried: int) -> float:
+    def _chance(self, fit: Alignment, tried: int) -> float:
         """Expected number of motions between unrelated maps that explain as many objects as closely: the minimum over
         the number of nearest pairs that are compared."""
-        probabilities = self.probabilities(fit.pose)
+        probabilities = self._probabilities(fit.pose_a_b)
+        distances2 = np.sort(self._distances2(fit.pose_a_b, *np.array(fit.pairs).T))
         probability = float(probabilities[probabilities > 0.0].mean())
         minimum = float(max(tried, 1))  # of the two objects that gave the motion
-        others = shared - 2
-        for rank, distance2 in enumerate(np.sort(fit.distances2)[2:], start=3):
+        others = self.shared - 2
+        for rank, distance2 in enumerate(distances2[2:], start=3):
             near = min(1.0, probability * float(distance2) / CHI2_997)
             minimum = min(minimum, others * max(tried, 1) * float(bdtrc(rank - 3, others, near)))
         return minimum
 
-    def differ(self, one: _Fit, other: _Fit) -> bool:
+    def _differ(self, one: Alignment, other: Alignment) -> bool:
         """Whether another motion is clearly a different one: of the pairs, and of where it lays the second map."""
         middle = self.second.positions_m.mean(axis=0)
-        apart_m = float(np.linalg.norm(one.pose.apply(middle) - other.pose.apply(middle)))
-        if apart_m <= SAME_PLACE_M and abs(wrap_angle(one.pose.yaw_rad - other.pose.yaw_rad)) <= SAME_TURN_RAD:
+        a, b = one.pose_a_b, other.pose_a_b
+        apart_m = float(np.linalg.norm(a.apply(middle) - b.apply(middle)))
+        if apart_m <= SAME_PLACE_M and abs(wrap_angle(a.yaw_rad - b.yaw_rad)) <= SAME_TURN_RAD:
             return False
         return 2 * len(set(other.pairs) & set(one.pairs)) < len(other.pairs)
 
-    def alignment(self, fit: _Fit, shared: int, rival: int = 0) -> Alignment:
+    def _accepted(self, fit: Alignment, rival: int = 0) -> Alignment:
         """The result of an accepted motion."""
         rows, columns = np.array(fit.pairs).T
-        misses_m2 = np.square(self.first.positions_m[rows] - fit.pose.apply(self.second.positions_m[columns]))
-        rms_m = math.sqrt(float(misses_m2.sum(axis=1).mean()))
-        return Alignment(fit.pose, fit.covariance, fit.pairs, shared, rival, fit.chance, rms_m)
+        misses_m2 = np.square(self.first.positions_m[rows] - fit.pose_a_b.apply(self.second.positions_m[columns]))
+        return replace(fit, rival=rival, rms_m=math.sqrt(float(misses_m2.sum(axis=1).mean())))
 
     def _paired(self, pose: SE2) -> Pairs:
         """One-to-one pairs within gate and reach: most pairs first, then smallest distance."""
@@ -301,7 +272,7 @@ class _Maps:
         return pose, covariance
 
 
-def _surprise(fit: _Fit) -> float:
+def _surprise(fit: Alignment) -> float:
     return max(-math.log(max(fit.chance, 1e-300)), 0.0)
 
 

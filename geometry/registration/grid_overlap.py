@@ -1,6 +1,5 @@
 """How well two grids agree under a motion: occupied cells of one on those of the other, counted against chance."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -20,16 +19,6 @@ STEP_RAD = SAME_TURN_RAD / 4.0  # between two directions that are tried
 Grids = tuple[OccupancyGrid | None, OccupancyGrid | None]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GridFit:
-    """pose: of the second grid in the first one's frame; covariance (3, 3) of it: m, m, rad. chance: probability that
-    grids of unrelated places agree as well near a pose."""
-
-    pose: SE2
-    covariance: Array
-    chance: float
-
-
 @lru_cache(maxsize=16)
 def _near(grid: OccupancyGrid) -> tuple[Mask, Mask]:
     """Cells near an occupied one, and cells that are observed or near one."""
@@ -37,8 +26,9 @@ def _near(grid: OccupancyGrid) -> tuple[Mask, Mask]:
     return near, near | (grid.cells != UNKNOWN)
 
 
-def fitted_grid(grids: Grids, pose: SE2) -> GridFit | None:
-    """The motion near a pose that lays the most occupied cells of the second grid onto those of the first one; None
+def fitted_grid(grids: Grids, pose: SE2) -> tuple[SE2, Array, float] | None:
+    """The motion near a pose that lays the most occupied cells of the second grid onto those of the first one, its
+    covariance (3, 3), m, m, rad, and the probability that grids of unrelated places agree as well near a pose. None
     where a grid lacks or has no occupied cell."""
     first, second = grids
     if first is None or second is None:
@@ -72,4 +62,4 @@ def fitted_grid(grids: Grids, pose: SE2) -> GridFit | None:
     x_m, y_m = SE2(0.0, 0.0, pose.yaw_rad).apply(middle)
     wrt_middle = np.array([[1.0, 0.0, y_m], [0.0, 1.0, -x_m], [0.0, 0.0, 1.0]])  # which the grid turns about
     covariance = wrt_middle @ np.diag([NEAR_M**2, NEAR_M**2, STEP_RAD**2]) @ wrt_middle.T
-    return GridFit(pose, covariance, min(chance, 1.0))
+    return pose, covariance, min(chance, 1.0)

@@ -27,12 +27,9 @@ class Places:
     @classmethod
     def of(cls, objects: Sequence[MapObject]) -> "Places":
         """As arrays."""
-        positions_m, covariances_m2 = (
-            np.array([getattr(item, part) for item in objects], dtype=np.float64)
-            for part in ("position_m", "covariance_m2")
-        )
-        labels = np.array([item.label for item in objects], dtype=np.str_)
-        return cls(positions_m.reshape(-1, 2), covariances_m2.reshape(-1, 2, 2), labels)
+        positions_m = np.array([item.position_m for item in objects], dtype=np.float64).reshape(-1, 2)
+        covariances_m2 = np.array([item.covariance_m2 for item in objects], dtype=np.float64).reshape(-1, 2, 2)
+        return cls(positions_m, covariances_m2, np.array([item.label for item in objects], dtype=np.str_))
 
     @property
     def variances_m2(self) -> Array:

@@ -16,7 +16,7 @@ from edgemap.geometry.grid.occupancy_grid import FREE, OccupancyGrid
 from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.map_object import CHI2_95, MapEvent, MapObject, radius_m
 from edgemap.geometry.objects.annotations import Annotations, MapIdentity
-from edgemap.geometry.objects.class_posterior import least_spacing_m
+from edgemap.geometry.objects.candidates import least_spacing_m
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.observations.class_extents import extent_m
 from edgemap.geometry.slam.object_landmarks import LandmarkRule

@@ -117,9 +117,10 @@ class Mapper:
         if far := far_from_map([(start.x_m, start.y_m)], places_of(saved.objects, saved.grid)):
             raise MapError(f"start pose: {far}")
         self._continued, self.edits = saved, MapEvents.after(saved.annotations.zones)
-        self.map.reserve(saved.annotations.vanished)
+        taken = [item.id for item in saved.annotations.vanished]
+        self.map = FloorMap(self.config.association, self.config.loop_closure, taken)
         self.pose_map_base = SE2()
-        self._join(saved, replace(Alignment.exact(start), covariance=np.diag(np.square(sigmas))))
+        self._join(saved, Alignment(start, np.diag(np.square(sigmas))))
 
     def continue_map(self, saved: SavedMap) -> None:
         """Continues a saved map from an unknown pose: relocalises by its objects, from its last pose and its dock (the
@@ -273,7 +274,7 @@ class Mapper:
         if self.relocaliser is not None and self.searching:
             back = self.pose_map_base.inverse()
             covariance_a_b = compose_covariance(pose, covariance, back, np.zeros((3, 3)))
-            self.relocaliser.alignment = replace(Alignment.exact(pose @ back), covariance=covariance_a_b)
+            self.relocaliser.alignment = Alignment(pose @ back, covariance_a_b)
             self._relocated = self.relocaliser.alignment.pose_a_b
             self._join(self.saved or SavedMap(), self.relocaliser.alignment)
         else:

@@ -10,8 +10,7 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligned_near, aligning, realigned
-from edgemap.geometry.registration.grid_overlap import Grids
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, Registration
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.step.config import Config
 
@@ -53,8 +52,8 @@ class Relocaliser:
         self, places: Sequence[SavedMap], config: Config, guesses: Sequence[SE2] = (), saved: SavedMap | None = None
     ) -> None:
         self.places, self.saved, self._guesses = places, saved, tuple(guesses)
-        everything = [item for place in places for item in (*place.measured, *place.annotations.vanished)]
-        self.run_map: FloorMap = FloorMap.after(everything, config.association, config.loop_closure)
+        ids = [item.id for place in places for item in (*place.measured, *place.annotations.vanished)]
+        self.run_map = FloorMap(config.association, config.loop_closure, ids)
         self._rule = replace(config.registration, chance=config.registration.chance / len(places))
         self.alignment: Alignment | None = None
         self.reason = "no object seen yet"
@@ -76,15 +75,14 @@ class Relocaliser:
 
     def _search(self) -> Generator[None, None, Alignment]:
         """The alignment, a bounded unit of work at each step. Raises AlignmentError."""
-        seen, fits = self.run_map.objects(), list[tuple[SavedMap, Alignment]]()
+        fits, compared = list[tuple[SavedMap, Alignment]](), [self._compared(place) for place in self.places]
         if self._guesses:
             with suppress(AlignmentError):
-                (place,) = self.places
-                return aligned_near(self._guesses, place.measured, seen, self._rule, self._grids(place))
-        for place in self.places:
+                return compared[0].aligned_near(self._guesses)
+        for place, registration in zip(self.places, compared, strict=True):
             yield
             try:
-                fits.append((place, (yield from aligning(place.measured, seen, self._rule, self._grids(place)))))
+                fits.append((place, (yield from registration.aligning())))
             except AlignmentError as error:
                 self.reason = f"{place.path.name}: {error}" if place.path else str(error)
         self._frames = 0  # the next comparison comes as long after this one's end
@@ -92,14 +90,13 @@ class Relocaliser:
             both = " and ".join(place.path.name for place, _ in fits if place.path)
             raise AlignmentError(f"{both} both fit" if fits else self.reason)
         ((place, found),) = fits
-        # The map of this run has grown and moved since the work began.
-        alignment = realigned(found, place.measured, self.run_map.objects(), self._rule, self._grids(place))
+        alignment = self._compared(place).realigned(found)  # this run's map has grown and moved since the work began
         self.saved = place
         return alignment
 
-    def _grids(self, place: SavedMap) -> Grids:
-        """The grids that are compared: the saved map's, and that of this run so far."""
-        return place.grid, self.run_map.grid
+    def _compared(self, place: SavedMap) -> Registration:
+        """A saved map and that of this run so far."""
+        return Registration(place.measured, self.run_map.objects(), self._rule, (place.grid, self.run_map.grid))
 
     def _is_due(self) -> bool:
         """While a search is unfinished, and when there are more or better objects than at the last attempt."""

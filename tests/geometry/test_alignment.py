@@ -10,7 +10,7 @@ from support.units import ended
 
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
 from edgemap.geometry.objects.merge import merge_all
-from edgemap.geometry.registration.alignment import AlignmentError, align, aligning, realigned
+from edgemap.geometry.registration.alignment import AlignmentError, Registration, align
 from edgemap.geometry.registration.hypotheses import CHUNK, Motions
 from edgemap.geometry.se2 import SE2
 
@@ -122,7 +122,7 @@ def test_the_work_comes_in_units_of_bounded_size_and_finds_the_same(monkeypatch)
 
     monkeypatch.setattr(Motions, "apply", counted)
     units: list = []
-    found = ended(aligning(first, second), units)
+    found = ended(Registration(first, second).aligning(), units)
     assert len(units) > 20
     assert max(distances) <= CHUNK
     assert found.pairs == align(first, second).pairs
@@ -130,10 +130,10 @@ def test_the_work_comes_in_units_of_bounded_size_and_finds_the_same(monkeypatch)
 
 def test_an_alignment_follows_a_map_that_moved_while_it_was_sought():
     found = align(mapped(CROOKED), mapped(CROOKED, SE2(1.0, 2.0, 0.5)))
-    now = realigned(found, mapped(CROOKED), mapped(CROOKED, SE2(1.1, 1.9, 0.55)))
+    now = Registration(mapped(CROOKED), mapped(CROOKED, SE2(1.1, 1.9, 0.55))).realigned(found)
     assert off_by_m(now.pose_a_b, SE2(1.1, 1.9, 0.55)) < 1e-6
     with pytest.raises(AlignmentError):
-        realigned(found, mapped(CROOKED), mapped(CROOKED, SE2(9.0, 2.0, 2.5)))
+        Registration(mapped(CROOKED), mapped(CROOKED, SE2(9.0, 2.0, 2.5))).realigned(found)
 
 
 def test_objects_a_thousand_kilometres_off_with_no_doubt_at_all_are_aligned_or_refused():
@@ -162,7 +162,8 @@ def test_two_objects_and_the_floor_are_enough_and_either_alone_is_not(motion):
     whole, part = floor(ROOMS), floor(ROOMS, motion, cut_m=3.7)
     found = aligned(whole, part)
     assert off_by_m(found.pose_a_b, motion) < 0.3
-    assert realigned(found, mapped(PAIRS), mapped(PAIRS[:2], motion), grids=(whole, part)).pairs == found.pairs
+    both = Registration(mapped(PAIRS), mapped(PAIRS[:2], motion), grids=(whole, part))
+    assert both.realigned(found).pairs == found.pairs
     for first, second in ((None, None), (whole, None), (floor(OTHER), part)):
         with pytest.raises(AlignmentError):
             aligned(first, second)

@@ -1,18 +1,18 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edgemap.geometry.objects.class_posterior import APART, Candidate, OverlapRule, Overlaps, label_posterior
+from edgemap.geometry.map_object import SightingSums
+from edgemap.geometry.objects.candidates import APART, Candidate, OverlapRule, Overlaps, label_posterior
 from edgemap.geometry.observations.class_extents import extent_m, footprint_m
 
 RULE = OverlapRule()
 
 
 def mapped(identity, x_m, y_m=0.0, count=10):
-    return Candidate(identity, identity.rpartition("-")[0], np.array([x_m, y_m]), 0.5, float(count))
+    sums = SightingSums(1, weight=float(count), width_m=0.5, miss=-np.inf)
+    return Candidate(identity, identity.rpartition("-")[0], [], position_m=np.array([x_m, y_m]), sums=sums)
 
 
 def without_overlaps(candidates, order=None):
@@ -72,8 +72,7 @@ def test_what_changed_and_came_back_is_as_if_it_had_never_changed(rows, seed):
     objects = [mapped(f"{label}-{n}", x, y, count) for n, (label, x, y, count) in enumerate(rows)]
     random, overlaps, fresh = np.random.default_rng(seed), Overlaps(), Overlaps()
     for item in [item for item in objects for _ in range(3)]:
-        place = item.position_m + random.normal(0.0, 0.3, 2)
-        overlaps.update(replace(item, position_m=place, evidence=float(random.integers(1, 99))))
+        overlaps.update(mapped(item.id, *(item.position_m + random.normal(0.0, 0.3, 2)), random.integers(1, 99)))
         if random.random() < 0.3:
             overlaps.settle()
             overlaps.remove(item.id)

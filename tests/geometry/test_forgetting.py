@@ -46,7 +46,6 @@ def test_floor_is_in_place_where_it_shows_all_round_the_ellipse():
         assert shown(chair, missing) == [False]
     assert shown(chair, chair.position_m + 1.5 * end * [1.0, -1.0]) == [True]
     assert shown(replace(chair, covariance_m2=np.eye(2) * 1e-6)) == [False]  # less than a cell of the mask
-    assert floor_in_place([], CAMERA, pose, FloorMask(np.ones((2, 2), np.float32), 640, 480)).tolist() == []
 
 
 def test_the_expected_box_is_the_projected_cylinder():

@@ -11,7 +11,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.objects.events import Edit, EditError
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.registration.alignment import AlignmentError, aligned_near
+from edgemap.geometry.registration.alignment import AlignmentError, Registration
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import trajectory_of
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -171,7 +171,7 @@ def test_chance_proves_no_guess(seed):
     random = np.random.default_rng(seed)
     room, other = (mapped(furnished(random, 12, apart_m=0.8)) for _ in range(2))
     with pytest.raises(AlignmentError, match="no guessed start fits"):
-        aligned_near([SE2(), SE2(1.0, 0.0, 0.5)], room, other[:4])
+        Registration(room, other[:4]).aligned_near([SE2(), SE2(1.0, 0.0, 0.5)])
 
 
 @pytest.mark.parametrize("in_dock", [False, True])
