@@ -7,7 +7,7 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.carried import Carried
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, pitch_roll
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,8 +17,8 @@ class GyroRotation:
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. yaw_rad: of it as the
     change of the optical axis's heading, counter-clockwise. sigma_rad: standard deviation of yaw_rad. proved: whether
     an odometry has confirmed its sign and scale; also true for a swinging camera, whose rotation only a gyro measures
-    well, where gravity turns by its rates. displaced: as of `inertial_displaced`, by the accelerometer; None where it
-    integrated nothing.
+    well, where gravity turns by its rates. displaced: as of `InertialFilter.displaced`, by the accelerometer; None
+    where it integrated nothing.
     """
 
     rotation: Array
@@ -105,9 +105,7 @@ class Attitude:
     @classmethod
     def of_up(cls, up_optical: Array, covariance_rad2: Array, source: str) -> "Attitude":
         """From a vector that points up, (3,) in the optical frame, of any length."""
-        right, down, forward = (float(value) for value in up_optical)
-        roll_rad = math.atan2(-right, -down)
-        pitch_rad = math.atan2(-forward, math.hypot(right, down))
+        pitch_rad, roll_rad = pitch_roll(up_optical)
         return cls(roll_rad, pitch_rad, covariance_rad2, source=source)
 
     def held_to(self, measured: "Attitude") -> "Attitude":

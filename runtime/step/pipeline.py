@@ -17,7 +17,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch
-from edgemap.runtime.motion.attitude.source import AttitudeSource, MountAttitude, Moved
+from edgemap.runtime.motion.attitude.source import AttitudeSource, Moved
 from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.health import HealthMonitor, PictureHealth
 from edgemap.runtime.motion.height_check import HeightCheck
@@ -67,7 +67,7 @@ class Pipeline:
     ) -> None:
         config = config or Config()
         self.camera, self.odometry, self.rule = camera, odometry, config.floor
-        self.attitude = attitude or MountAttitude(camera.mount)
+        self.attitude = attitude or AttitudeSource.of_mount(camera.mount)
         self.evidence = bundle.evidence(mapped, confidence)
         sensing = fitted = bundle.companion or bundle
         if not odometry.needs_features:  # of the whole input

@@ -18,10 +18,9 @@ from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.inertial import InertialNoise, inertial_start, inertial_step, small_rotation
+from edgemap.geometry.camera.inertial import InertialFilter, InertialNoise, small_rotation
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, up_optical
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
@@ -107,9 +106,9 @@ def test_a_real_flight_is_levelled_within_a_degree_and_keeps_its_heading_to_a_de
     for end_s in np.arange(0.05, drive.imu.stamps_s[-1], 1.0 / rate_hz):
         part, last_s = drive.imu.between(last_s, end_s), end_s
         if state is None:
-            state = inertial_start(part, end_s, noise, given_rad)
+            state = InertialFilter(part, end_s, noise, given_rad)
         else:
-            state = inertial_step(state, part, end_s, noise)[0]
+            state.step(part, end_s)
         if drive.attitudes.stamps_s[0] < end_s < drive.attitudes.stamps_s[-1]:
             truth = drive.attitudes.at(end_s, 1.0)
             true.append(Mount(1.0, truth.pitch_rad, truth.roll_rad).rotation_base_optical()[2])

@@ -13,8 +13,7 @@ from support.textured_floor import CAMERA, seen_by
 
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount, Platform
+from edgemap.geometry.camera.mount import Mount, Platform, up_optical
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow
 from edgemap.geometry.se2 import SE2

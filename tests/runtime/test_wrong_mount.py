@@ -13,8 +13,7 @@ from edgemap.cli.summary import mount_text
 from edgemap.geometry.camera.attitude import TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import pitch_roll, up_optical
-from edgemap.geometry.camera.mount import HeightEstimate, Mount, Platform
+from edgemap.geometry.camera.mount import HeightEstimate, Mount, Platform, pitch_roll, up_optical
 from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame

@@ -11,8 +11,7 @@ from cv2.typing import MatLike
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, MountEstimate, RoomHeading, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import angles_text, pitch_roll
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, pitch_roll
 from edgemap.geometry.camera.mount_tilt import MountTilt, MountTiltRule
 from edgemap.geometry.robust import CLEAR_SIGMAS, FEWEST, median_and_scatter
 from edgemap.runtime.frames.faults import Fault, FaultKind
@@ -187,7 +186,7 @@ class MountCheck:
         names = ", ".join(sorted(tilt.measurements, key=lambda name: -tilt.measurements[name]))
         return Fault(
             FaultKind.MOUNT_ANGLES,
-            f"mount: {angles_text(stated[1], stated[0])} given, {names} give {angles_text(estimate[1], estimate[0])}, "
+            f"mount: {_angles(stated)} given, {names} give {_angles(estimate)}, "
             "to {:.1f} and {:.1f}: used from now on, measure it again".format(*np.degrees(sigma[::-1])),
         )
 
@@ -195,3 +194,8 @@ class MountCheck:
         """The mount with other angles."""
         roll, pitch = (self._configured + error_rad).tolist()
         return replace(self._mount, roll_rad=roll, pitch_rad=pitch)
+
+
+def _angles(degrees: Array) -> str:
+    """Roll and pitch (2,), degrees, for messages."""
+    return f"pitch {degrees[1]:.1f} and roll {degrees[0]:.1f} deg"

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.carried import Carried
-from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, up_optical
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.camera.room_edges import RoomAxes, room_axes
 from edgemap.geometry.robust import CLEAR_SIGMAS

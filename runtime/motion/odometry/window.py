@@ -10,8 +10,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation, rotation_angle
 from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, up_optical
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule, heading_slope, rows_of
 from edgemap.geometry.odometry.readout import Readout
