@@ -4,8 +4,6 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
@@ -120,7 +118,7 @@ class Pipeline:
         outputs = self._sense(frame) if sensed else {}
         motion = motion or self._motion_by_picture(frame, outputs, prior)
         with stage("attitude"):
-            camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
+            camera = self.camera.at(self.attitude.update(motion.rotation))
         depth = SparseDepth.of(frame.depth) if sensed and frame.depth is not None else None
         observed = FrameObservations(
             index=frame.index,
@@ -233,17 +231,3 @@ class Pipeline:
                 f"frame {frame.index} {frame.name} is {width}x{height} px, "
                 f"the intrinsics are for {expected.width}x{expected.height}"
             )
-
-
-def attitude_after(source: AttitudeSource, attitude: Attitude, motion: Motion) -> Attitude:
-    """The attitude of a frame after its motion: the odometry's tilt in place of a predicted one, and of a measured one
-    where its covariance is smaller. source: of `attitude`; it keeps its own estimate.
-    """
-    rotation, updated = motion.rotation, source.update(motion.rotation)
-    if attitude.predicted:
-        return updated
-    limit_rad = math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)
-    if rotation is not None and rotation.up is not None and rotation.up_rad < limit_rad:
-        tracked = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, attitude.source)
-        attitude = attitude.held_to(replace(tracked, height_m=attitude.height_m))
-    return attitude

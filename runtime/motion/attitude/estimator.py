@@ -123,10 +123,10 @@ class EstimatedAttitude(AttitudeSource):
         return self._attitude
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
-        """The last frame's attitude; that of the odometry where it was predicted."""
+        """As of `AttitudeSource`; that of the odometry where it was predicted."""
         self._check.moved(rotation)
         attitude = self._pictures.update(rotation)
-        return self._about_mount(attitude) if self._attitude.predicted else self._attitude
+        return self._about_mount(attitude) if self._attitude.predicted else super().update(rotation)
 
     def _about_mount(self, attitude: Attitude) -> Attitude:
         """An attitude with the estimate of the mount."""

@@ -1,6 +1,10 @@
 """A source of the camera's tilt in each step."""
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
@@ -37,6 +41,12 @@ class AttitudeSource:
         self._attitude = self._at(frame.stamp_s)
         return self._attitude
 
-    def update(self, rotation: TrackedRotation | None) -> Attitude:  # noqa: ARG002
-        """The last frame's attitude, updated with its rotation by the odometry; None where it measured none."""
-        return self._attitude
+    def update(self, rotation: TrackedRotation | None) -> Attitude:
+        """The last frame's attitude after its motion: with the tilt of the odometry where that has the smaller
+        covariance; the source keeps its estimate. rotation: by the odometry, None where it measured none."""
+        attitude = self._attitude
+        limit_rad = math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)
+        if rotation is None or rotation.up is None or rotation.up_rad >= limit_rad:
+            return attitude
+        tracked = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, attitude.source)
+        return attitude.held_to(replace(tracked, height_m=attitude.height_m))
