@@ -56,13 +56,16 @@ class MountEstimate:
     given: Mount
 
 
-@dataclass(frozen=True, slots=True)
-class RoomHeading:
-    """Heading of the room in the frame of a stamp, from its edges. level_rad, sigma_rad: as of `RoomAxes`."""
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomAxes:
+    """Axes of the room in one frame, from its edges. level_rad: from the optical axis's heading to a level direction of
+    the room, counter-clockwise, modulo a right angle; None where too few level edges show it. sigma_rad: its standard
+    deviation. up: (3,), unit vector of the optical frame. stamp_s: of the frame, where it is known."""
 
-    stamp_s: float
-    level_rad: float
+    level_rad: float | None
     sigma_rad: float
+    up: Array
+    stamp_s: float = math.nan
 
 
 def rotation_angle(rotation: Array) -> float:
@@ -79,9 +82,9 @@ class Attitude:
     height_m: the lens above the floor in this frame, None for the mount's. rotation: None without a gyro.
     source: name of the sensor or method, for display. predicted: whether it was computed before the odometry measured
     this frame's rotation. carried: whether the tilt measured from a room's edges scatters more than that of a mounted
-    camera. room, seen_up: heading of the room, and up (3,) in the previous frame's optical axes, where the edges of an
-    earlier frame have just been evaluated. force_rad: roll and pitch (2,) by the accelerometer alone. mount: estimate
-    of the mount's angles so far, None where there is none yet.
+    camera. room: its axes in the previous frame, where the edges of that one have just been evaluated. force_rad: roll
+    and pitch (2,) by the accelerometer alone. mount: estimate of the mount's angles so far, None where there is none
+    yet.
     """
 
     roll_rad: float
@@ -92,8 +95,7 @@ class Attitude:
     source: str = "mount"
     predicted: bool = False
     carried: bool = False
-    room: RoomHeading | None = None
-    seen_up: Array | None = None
+    room: RoomAxes | None = None
     force_rad: Array | None = None
     mount: MountEstimate | None = None
 

@@ -60,36 +60,31 @@ class InertialFilter:
     motion that the camera may be at rest, None without odometry."""
 
     def __init__(
-        self,
-        samples: ImuSamples,
-        stamp_s: float,
-        noise: InertialNoise,
-        sigma_rad: float,
-        up_optical: Array | None = None,
+        self, samples: ImuSamples, stamp_s: float, noise: InertialNoise, sigma_rad: float, mount_up: Array | None = None
     ) -> None:
         """The attitude from the mean specific force of the first samples (one or more); the gyro's bias is unknown.
 
-        sigma_rad: standard deviation of the tilt. up_optical: (3,), the mount's up direction, which is taken instead of
+        sigma_rad: standard deviation of the tilt. mount_up: (3,), the mount's up direction, which is taken instead of
         the force's; it makes the accelerometer's offset observable.
         """
         force = samples.accel_m_s2.mean(axis=0)
         mean_m_s2 = float(np.linalg.norm(force))
-        if up_optical is None:
+        if mount_up is None:
             # A walk mistaken for rest at the start would appear as an acceleration, so the velocity is known less.
             up, speed = force / max(mean_m_s2, 1e-9), CLEAR_SIGMAS * noise.speed
-            tilt = sigma_rad + 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
+            sigma_rad += 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
         else:
-            up, speed, tilt = up_optical, noise.speed, sigma_rad
+            up, speed = mount_up, noise.speed
         side = np.cross(up, [0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0])
         side /= np.linalg.norm(side)
         offset = noise.offset * GRAVITY_M_S2
-        sigmas = [tilt] * 2 + [1e-6] + [noise.start_bias] * 3 + [speed] * 3 + [offset] * 3
+        sigmas = [sigma_rad] * 2 + [1e-6] + [noise.start_bias] * 3 + [speed] * 3 + [offset] * 3
         self._noise, self.stamp_s, self.recent, self.rest_s = noise, stamp_s, samples, 0.0
         self.before: InertialFilter | None = None
         self.calm: bool | None = None
         self.rotation, self.covariance = np.array([side, np.cross(up, side), up]), np.diag(np.square(sigmas))
         self.bias, self.velocity, self.offset = np.zeros((3, 3))
-        if up_optical is None:  # the offset that the mean force holds is a tilt
+        if mount_up is None:  # the offset that the mean force holds is a tilt
             mixed = np.eye(12)
             mixed[:2, OFFSET] = np.array([-self.rotation[1], self.rotation[0]]) / GRAVITY_M_S2
             self.covariance = mixed @ self.covariance @ mixed.T
@@ -145,7 +140,7 @@ class InertialFilter:
         about = np.zeros((1, 12))
         about[0, BIAS] = self.up_optical
         off = np.array([wrap_angle(turned_rad - motion.yaw_rad) / span_s])
-        self._correct(about, off, np.array([[variance / span_s**2]]), learns_vertical_bias=True, robust=True)
+        self._correct(about, off, np.array([[variance / span_s**2]]), vertical=True, robust=True)
         slow = math.hypot(motion.x_m, motion.y_m) < noise.resting * span_s
         self.calm = slow and abs(motion.yaw_rad) < noise.resting * span_s
 
@@ -222,27 +217,21 @@ class InertialFilter:
         rate = self.recent.gyro_rad_s.mean(axis=0)
         # The window's mean is nearly the same one frame later: each counts for its share of a second.
         variance = noise.resting**2 / len(self.recent) / span_s * np.eye(3)
-        self._correct(_IDENTITY[BIAS], rate - self.bias, variance, learns_vertical_bias=self.calm is None)
+        self._correct(_IDENTITY[BIAS], rate - self.bias, variance, vertical=self.calm is None)
 
     def _correct(
-        self,
-        selected: Array,
-        residual: Array,
-        variance: Array,
-        *,
-        learns_vertical_bias: bool = False,
-        robust: bool = False,
+        self, selected: Array, residual: Array, variance: Array, *, vertical: bool = False, robust: bool = False
     ) -> None:
-        """Kalman update in Joseph's form. Gravity does not measure the bias about the vertical, so its gain there is
-        zero: a wrong assumption of the velocity would make it worse than the estimate at rest. robust: the variance of
-        a measurement with a larger residual than it states is inflated."""
+        """Kalman update in Joseph's form. vertical: whether it measures the gyro's bias about the vertical. Gravity
+        does not, so its gain there is zero: a wrong assumption of the velocity would make it worse than the estimate at
+        rest. robust: the variance of a measurement with a larger residual than it states is inflated."""
         cross = self.covariance @ selected.T
         expected = selected @ cross + variance
         information = np.linalg.inv(expected)
         gain = cross @ information
         if robust and (excess := float(residual @ information @ residual) / len(residual)) > 1.0:
             variance, gain = variance + (excess - 1.0) * expected, gain / excess
-        if not learns_vertical_bias:
+        if not vertical:
             up = self.up_optical
             gain[BIAS] -= up[:, None] * (up @ gain[BIAS])
         change = gain @ residual

@@ -1,11 +1,11 @@
 """Up direction and room heading from straight edges: verticals and two level directions at right angles."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.attitude import RoomAxes
 from edgemap.geometry.camera.inertial import SKEW, small_rotation
 from edgemap.geometry.robust import tukey
 
@@ -20,17 +20,6 @@ LEVEL_LENGTH_RAD = 1.5  # of level edges that show the room's direction; fewer m
 # two real rooms, 1.7 in a kitchen, 1.2 on a street; one in ten is off by 3 degrees and more); and of it, times the
 # square of its edges' length: 3 degrees with 1.5 rad, 0.5 with 7 (homes 8301-8310).
 DIRECTION_SIGMA_RAD, LEVEL_SIGMA_RAD3 = math.radians(0.4), math.radians(6.0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RoomAxes:
-    """up: (3,), unit vector of the optical frame. level_rad: from the optical axis's heading to a level direction of
-    the room, counter-clockwise, modulo a right angle; None where too few level edges show it. level_sigma_rad: its
-    standard deviation."""
-
-    up: Array
-    level_rad: float | None
-    level_sigma_rad: float
 
 
 def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> RoomAxes | None:
@@ -65,7 +54,7 @@ def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float)
     level_rad = math.atan2(-float(directions[1] @ right), float(directions[1] @ away))
     seen_rad = max(float(lengths[level].sum()), 1e-3)
     sigma_rad = DIRECTION_SIGMA_RAD + LEVEL_SIGMA_RAD3 / seen_rad**2
-    return RoomAxes(directions[0], level_rad if seen_rad > LEVEL_LENGTH_RAD else None, sigma_rad)
+    return RoomAxes(level_rad if seen_rad > LEVEL_LENGTH_RAD else None, sigma_rad, directions[0])
 
 
 def most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> Array:

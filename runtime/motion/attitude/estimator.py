@@ -16,6 +16,7 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.mount import up_optical
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude
 from edgemap.runtime.motion.attitude.mount_check import MountCheck
 from edgemap.runtime.motion.attitude.pictures import LONGEST_S, PicturesAttitude
@@ -99,9 +100,10 @@ class EstimatedAttitude(AttitudeSource):
         rule, rules, mount = rule or AttitudeRule(), rules or OdometryRules(), camera.mount
         super().__init__(lambda _: Attitude.of_mount(mount))
         self._pictures = PicturesAttitude(mount, rule.check.tilt)
-        self._inertial = InertialAttitude(mount, rule, rules.pictures.carried, rules.hybrid.trust, clock)
+        trust = ImuTrust(rule.noise.rest_window_s, rules.hybrid.trust, clock)
+        self._inertial = InertialAttitude(mount, rule, rules.pictures.carried, trust)
         self._depth, self._imu, self._given = DepthAttitude(camera, rule.check.tilt.lasting), imu, given
-        self._check = MountCheck(camera, self._pictures, rule.check, health)
+        self._check = MountCheck(camera, self._pictures, rule.check, health or HealthRule())
         self._mount = mount
 
     def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
@@ -130,8 +132,8 @@ class EstimatedAttitude(AttitudeSource):
 
     def _about_mount(self, attitude: Attitude) -> Attitude:
         """An attitude with the estimate of the mount."""
-        check, seen_up = self._check, self._pictures.seen_up
-        return replace(attitude, carried=check.carried, room=check.room, seen_up=seen_up, mount=check.estimate)
+        check = self._check
+        return replace(attitude, carried=check.carried, room=check.room, mount=check.estimate)
 
 
 def open_attitude(

@@ -15,7 +15,6 @@ from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.attitude.mount_check import MountRule
 from edgemap.runtime.motion.attitude.pictures import LONGEST_S
 from edgemap.runtime.motion.attitude.source import Moved
-from edgemap.runtime.motion.trust import TrustRule
 
 NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
 LIKELY = 2.0  # standard deviations of nodding, at which the mount has half the weight for the tilt
@@ -40,21 +39,13 @@ class InertialAttitude:
 
     name = "imu"
 
-    def __init__(
-        self,
-        mount: Mount,
-        rule: AttitudeRule | None = None,
-        carried: CarriedRule | None = None,
-        trust: TrustRule | None = None,
-        clock: str = "",
-    ) -> None:
-        self._rule, self._carried = rule or AttitudeRule(), carried or CarriedRule()
+    def __init__(self, mount: Mount, rule: AttitudeRule, carried: CarriedRule, trust: ImuTrust) -> None:
+        self._rule, self._carried, self._trust = rule, carried, trust
         self._up = up_optical(mount.pitch_rad, mount.roll_rad)
         arms = [(0.0, 0.0, mount.height_m), (mount.forward_m, mount.left_m, 0.0)]
         self._arm = np.array(arms) @ mount.rotation_base_optical()
-        self._noise, self.fault = self._rule.noise, None
+        self._noise, self.fault = rule.noise, None
         self._filter: InertialFilter | None = None
-        self._trust = ImuTrust(self._noise.rest_window_s, trust or TrustRule(), clock)
         self._seen_s = -math.inf
         self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate, and over how long
 

@@ -9,7 +9,7 @@ import numpy as np
 from cv2.typing import MatLike
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import Attitude, MountEstimate, RoomHeading, TrackedRotation
+from edgemap.geometry.camera.attitude import Attitude, MountEstimate, RoomAxes, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount, pitch_roll
 from edgemap.geometry.camera.mount_tilt import MountTilt, MountTiltRule
@@ -43,33 +43,27 @@ class MountCheck:
     they clearly contradict the mount, at once, and a fault is reported. A carried camera has no mount and is not
     checked. Edges of single frames update `pictures`. health: by which a picture shows another view (`moved`). used:
     the mount that attitudes refer to. estimate: None before the first judgement. carried: whether the tilt by edges
-    scatters more than a mounted camera's. room: its heading by the edges of the last frame, if just computed.
+    scatters more than a mounted camera's. room: its axes by the edges of the last frame, if just computed.
     """
 
-    def __init__(
-        self,
-        camera: FloorCamera,
-        pictures: PicturesAttitude,
-        rule: MountRule | None = None,
-        health: HealthRule | None = None,
-    ) -> None:
-        self._pictures, self._rule = pictures, rule or MountRule()
+    def __init__(self, camera: FloorCamera, pictures: PicturesAttitude, rule: MountRule, health: HealthRule) -> None:
+        self._pictures, self._rule = pictures, rule
         self._mount, self._in_room = camera.mount, camera.mount.platform.in_room
         self._configured = np.array([self._mount.roll_rad, self._mount.pitch_rad])
         self._to_base = self._mount.rotation_base_optical()
-        self._tilt = MountTilt.prior(self._rule.tilt)
+        self._tilt = MountTilt.prior(rule.tilt)
         # Of roll and pitch: which is clearly wrong, which is replaced by its estimate, and the correction, rad.
         self._wrong, self._replaced, self._corrected = np.zeros(2, dtype=bool), np.zeros(2, dtype=bool), np.zeros(2)
         self.used = self._mount
         self.estimate: MountEstimate | None = None
-        self.room: RoomHeading | None = None
+        self.room: RoomAxes | None = None
         self._now_s = self._judged_s = -math.inf  # of the last frame, and of the last judgement
         self._turned, self._turned_s = np.eye(3), -math.inf  # rotation since a stamp
         self._forces: list[tuple[float, float, float]] = []  # stamp, roll and pitch by the accelerometer
         self._steady: bool | None = None  # whether the estimates by edges scatter as little as a mounted camera's
         self._on_wheels = self._sways = False  # by the odometry; at the last picture, as if carried
         self._settled = False  # the mount's angles have converged for the whole drive
-        lens, self._views = camera.intrinsics, Views((health or HealthRule()).moved)
+        lens, self._views = camera.intrinsics, Views(health.moved)
         share = min(1.0, math.sqrt(PIXELS / (lens.width * lens.height)))
         self._lens = lens.scaled(round(lens.width * share), round(lens.height * share))
         self._picture: MatLike | None = None  # of the last frame, whose edges are to be read
@@ -99,9 +93,8 @@ class MountCheck:
         grey = cv2.resize(grey, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
         return grey if self._views.is_another(grey) else None
 
-    def _by_edges(self) -> RoomHeading | None:
-        """Estimates the mount by the edges of the last frame's picture. Returns the heading of the room where they show
-        it."""
+    def _by_edges(self) -> RoomAxes | None:
+        """Estimates the mount by the edges of the last frame's picture. Returns the room where they show it."""
         if self._picture is None:
             return None
         rule, stamp_s = self._rule, self._now_s
@@ -122,7 +115,7 @@ class MountCheck:
         if len(self._estimates) >= FEWEST and stamp_s - self._estimates[0][0] >= rule.judged_s:
             scatter = median_and_scatter(np.array(self._estimates)[:, 1:])[1]
             self._steady = bool(scatter.max() < 2.0 * rule.tilt.nod)
-        return None if room.level_rad is None else RoomHeading(stamp_s, room.level_rad, room.level_sigma_rad)
+        return replace(room, stamp_s=stamp_s)
 
     def moved(self, rotation: TrackedRotation | None) -> None:
         """Updates the mount with turns of a robot on wheels."""

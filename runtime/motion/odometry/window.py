@@ -203,8 +203,8 @@ class WindowOdometry:
         self._mount = used
         if turned_rad > self._tilt_rad[0]:
             self._graph.loosen(self._up())
-        if attitude is not None and attitude.predicted and attitude.seen_up is not None and not self._skipped:
-            self._graph.see_up(attitude.seen_up, self._edges_rad)
+        if attitude is not None and attitude.predicted and attitude.room is not None and not self._skipped:
+            self._graph.see_up(attitude.room.up, self._edges_rad)
         return gyro
 
     def _by_window(self) -> Motion:
