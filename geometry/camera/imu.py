@@ -35,13 +35,8 @@ class ImuSamples:
     @classmethod
     def joined(cls, parts: "list[ImuSamples]") -> "ImuSamples":
         """All samples of the parts, in their order."""
-        if not parts:
-            return cls.none()
-        return cls(
-            np.concatenate([part.stamps_s for part in parts]),
-            np.concatenate([part.gyro_rad_s for part in parts]),
-            np.concatenate([part.accel_m_s2 for part in parts]),
-        )
+        rows = ((part.stamps_s, part.gyro_rad_s, part.accel_m_s2) for part in (cls.none(), *parts))
+        return cls(*map(np.concatenate, zip(*rows, strict=True)))
 
     def __len__(self) -> int:
         return len(self.stamps_s)

@@ -31,7 +31,10 @@ def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float)
     """
     if len(lengths) < FEWEST:
         return None
-    directions = _directions(normals, lengths, most_upright(normals, lengths, expected, reach_rad))
+    up = most_upright(normals, lengths, expected, reach_rad)
+    (right, away), heading = level_axes(up), room_heading(normals, lengths, up)
+    first = math.cos(heading) * right + math.sin(heading) * away
+    directions = np.stack([up, first, np.cross(up, first)])
     each, explained = np.arange(len(lengths)), 0.0
     upright = level = lengths > 0.0
     weight = np.minimum(lengths / REFERENCE_RAD, 2.0) / SIGMA_RAD**2
@@ -71,14 +74,6 @@ def most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: flo
     support = lengths @ near
     likely = np.exp(-1.5 * (a**2 + b**2) / reach_rad**2)
     return tried[int((support * likely).argmax())]
-
-
-def _directions(normals: Array, lengths: Array, up: Array) -> Array:
-    """Up and the two level directions that most other edges lie along, rows of (3, 3)."""
-    right, away = level_axes(up)
-    heading = room_heading(normals, lengths, up)
-    first = math.cos(heading) * right + math.sin(heading) * away
-    return np.stack([up, first, np.cross(up, first)])
 
 
 def room_heading(normals: Array, lengths: Array, up: Array) -> float:

@@ -46,18 +46,17 @@ class CameraGuess:
         focal, height, pitch = self.how
         above = f" +- {100 * self.height_sigma:.0f} %" if self.height_sigma else ""
         pitch_deg, roll_deg = math.degrees(mount.pitch_rad), math.degrees(mount.roll_rad)
-        sway = f"the camera sways by {math.degrees(self.sway_rad):.0f} deg from picture to picture: it is carried"
-        return [
+        lines = [
             f"focal length {lens.fx:.0f} +- {100 * self.focal_sigma:.0f} % px ({focal})",
             f"lens {mount.height_m:.2f} m{above} above the floor ({height})",
             f"pitch {pitch_deg:.1f} +- {math.degrees(self.pitch_sigma_rad):.1f} deg, roll {roll_deg:.1f} deg ({pitch})",
-            *([f"{sway}; pitch and height are not constant"] if self.sway_rad else []),
-            *(
-                [f"the pictures are not upright: turn them by {TURNS[self.quarter_turns]}"]
-                if self.quarter_turns
-                else []
-            ),
         ]
+        if self.sway_rad:
+            sway = f"the camera sways by {math.degrees(self.sway_rad):.0f} deg from picture to picture: it is carried"
+            lines.append(f"{sway}; pitch and height are not constant")
+        if self.quarter_turns:
+            lines.append(f"the pictures are not upright: turn them by {TURNS[self.quarter_turns]}")
+        return lines
 
     def scale_sigma(self, odometry: str) -> float:
         """Standard deviation, as a share, of a height that a run corrects together with all lengths. 0 for a configured

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import GRAVITY_M_S2, small_rotation
 from edgemap.geometry.robust import CLEAR_SIGMAS
@@ -15,8 +16,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.motion.judge import MotionJudge, Path, path_of
 from edgemap.runtime.motion.trust import CONTRARY, Agreement, Trust, TrustRule
-
-Array = NDArray[np.float64]
 
 # By datasheets: the smallest full scale (125 deg/s, 2 g), from which on a value that repeats bit by bit is saturated,
 # and the largest (2000 deg/s, 16 g).
@@ -40,11 +39,11 @@ class _Sensor:
         self.name, self._unit, self._window_s, self._freezes = name, unit, window_s, freezes
         self._least, self._most = bounds
         self._last, self._runs = np.full(3, math.nan), np.zeros(3, dtype=np.intp)
-        self._share, self.bad, self.reason = -1.0, False, ""
+        self._share, self.bad, self.reason = 0.0, False, ""
         self._lively = 0  # samples of which every axis differed from the one before
 
     def judge(self, values: Array, span_s: float) -> NDArray[np.bool_]:
-        """Which of the samples (N, 3) are plausible, (N,)."""
+        """Which of the samples (N, 3) are plausible, (N,). span_s: since the samples before, 0 for the first ones."""
         rows, same = np.arange(len(values))[:, None], values == np.vstack([self._last, values[:-1]])
         changed = np.maximum.accumulate(np.where(same, -1, rows))  # row of the last change, -1 before the first one
         runs = np.where(changed < 0, self._runs + rows + 1, rows - changed)
@@ -61,8 +60,7 @@ class _Sensor:
             what = "saturated at" if clipped[at].any() else "frozen at" if held[at] else "at"
             self.reason = f"{self.name} {what} {size[at].max():.1f} {self._unit}{'' if stuck[at] else ': none can be'}"
         share = 1.0 - float(good.mean())
-        taken = 1.0 if self._share < 0.0 else min(span_s / self._window_s, 1.0)
-        self._share = max(self._share, 0.0) + taken * (share - max(self._share, 0.0))
+        self._share += (min(span_s / self._window_s, 1.0) if span_s else 1.0) * (share - self._share)
         self.bad = max(self._share, share / 2.0) >= (0.05 if self.bad else 0.5)
         return good
 

@@ -4,16 +4,14 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, RoomAxes, TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.mount import Mount, up_optical
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.geometry.robust import CLEAR_SIGMAS
-
-Array = NDArray[np.float64]
 
 LONGEST_S = 1.0  # between two frames of one drive
 REACH_SIGMAS = 3.0  # of a carried camera, within which up is searched: at 3.29 home 9280 errs by 0.45, not 0.05 m
@@ -47,11 +45,11 @@ class PicturesAttitude:
         """The attitude of the last frame, as the odometry measured it."""
         if rotation is None:
             self._edges = None
-            return self._attitude(measured=True, predicted=False)
-        self._edges = self._edges and (self._edges[0] @ rotation.rotation, self._edges[1])
-        self._carried = rotation.carried or self._carried
-        self._up = rotation.rotation.T @ self._up if rotation.up is None else rotation.up
-        self._up_rad = self._up_rad if rotation.up is None else rotation.up_rad
+        else:
+            self._edges = self._edges and (self._edges[0] @ rotation.rotation, self._edges[1])
+            self._carried = rotation.carried or self._carried
+            self._up = rotation.rotation.T @ self._up if rotation.up is None else rotation.up
+            self._up_rad = self._up_rad if rotation.up is None else rotation.up_rad
         return self._attitude(measured=True, predicted=False)
 
     def see_edges(self, normals: Array, lengths: Array) -> RoomAxes | None:
