@@ -91,13 +91,10 @@ class CameraGuess:
         if calibration.get("method") != "guessed":
             return None
         record = convert(calibration, _Record, f"{where}: calibration", CameraError, strict=False)
-        stated_names = {*calibration, *stated}
-        focal = 0.0 if "intrinsics" in stated_names else record.focal_sigma_share
-        height, pitch, sway = record.height_sigma_share, record.sigma_pitch_deg, record.sway_deg
-        if "mount" in stated_names:
-            height = pitch = sway = 0.0
-        height = 0.0 if "height" in stated_names else height
-        pitch = 0.0 if "tilt" in calibration else pitch
+        known, tilted = {*calibration, *stated}, "tilt" in calibration
+        focal = 0.0 if "intrinsics" in known else record.focal_sigma_share
+        height = 0.0 if known & {"mount", "height"} else record.height_sigma_share
+        pitch, sway = (0.0, 0.0) if "mount" in known else (record.sigma_pitch_deg * (not tilted), record.sway_deg)
         if not focal and not height and not pitch:
             return None
         how = (f"as in {where}",) * 3

@@ -124,13 +124,12 @@ class MountCheck:
         if self._sways:
             self._void()
         self._on_wheels = carried.on_wheels if carried else self._on_wheels
-        if rotation is None or carried is None or not carried.on_wheels or not self._in_room:  # a car leans in turns
-            self._turned, self._turned_s = np.eye(3), self._now_s
-            return
-        self._turned = self._turned @ rotation.rotation
-        if self._now_s - self._turned_s > rule.judged_s:
+        if rotation is not None and carried is not None and carried.on_wheels and self._in_room:  # a car leans in turns
+            self._turned = self._turned @ rotation.rotation
+            if self._now_s - self._turned_s <= rule.judged_s:
+                return
             self._tilt = self._tilt.by_turn(self._to_base @ cv2.Rodrigues(self._turned)[0].ravel())
-            self._turned, self._turned_s = np.eye(3), self._now_s
+        self._turned, self._turned_s = np.eye(3), self._now_s
 
     def _void(self) -> None:
         """Discards the estimate of a carried camera, which has no mount, unless it had converged before."""
@@ -144,10 +143,8 @@ class MountCheck:
             self._forces.append((self._now_s, *attitude.force_rad.tolist()))
             if self._now_s - self._forces[0][0] >= rule.judged_s:
                 forces, self._forces = np.array(self._forces)[:, 1:], []
-                if forces.std(axis=0).max() < rule.tilt.seen:
-                    self._tilt = self._tilt.by_up(
-                        GRAVITY, forces[-1] - self._configured
-                    )  # which the filter has averaged
+                if forces.std(axis=0).max() < rule.tilt.seen:  # the filter has averaged the last one
+                    self._tilt = self._tilt.by_up(GRAVITY, forces[-1] - self._configured)
         if attitude.source == "depth":
             angles = np.array([attitude.roll_rad, attitude.pitch_rad])
             self._tilt = self._tilt.by_up(DEPTH, angles - self._configured)
