@@ -15,8 +15,7 @@ MINIMUM_POINTS = 100
 BELOW_SHARE = 0.02  # of the points, that noise and reflections put below a floor
 NOISE_M, NOISE_PER_M = 0.01, 0.005  # of a point's height over the floor: constant, and with its depth
 BAND = 2.5  # standard deviations about a plane that count as on it
-FIND_BANDS = ((0.0, 0.0),) * 6  # m and rad about the expected plane, added to noise, in each round
-FOLLOW_BANDS = ((0.05, 0.06), (0.03, 0.03), *FIND_BANDS[2:])
+FOLLOW_BANDS = ((0.05, 0.06), (0.03, 0.03), *[(0.0, 0.0)] * 4)  # m and rad about the expected plane, added to noise
 CORRELATED = 30.0  # neighbouring depths err together: so many points count as one
 SURE_RAD, SURE_M = math.radians(0.4), 0.02  # a less certain plane is not returned
 QUIETEST = 0.15  # of that noise, when the points of the plane scatter less: else what stands on the floor lifts it
@@ -87,7 +86,7 @@ def _largest(points: Array, noise: Array, expected: Array, rng: np.random.Genera
     normals, corners = normals[upright], corners[upright]
     heights = -(normals * corners[:, 0]).sum(axis=1)
     best = int((np.abs(points @ normals.T + heights) < BAND * noise[:, None]).sum(axis=0).argmax())
-    plane = _fitted(points, noise, normals[best], float(heights[best]), FIND_BANDS, total)
+    plane = _fitted(points, noise, normals[best], float(heights[best]), [(0.0, 0.0)] * 6, total)
     return plane if plane is not None and plane.up @ expected > math.cos(STEEPEST_RAD) else None
 
 

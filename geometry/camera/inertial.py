@@ -26,8 +26,14 @@ OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offs
 SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], dtype=float)
 
 
-TILT, BIAS, VELOCITY, OFFSET = (slice(first, first + 3) for first in (0, 3, 6, 9))  # rows of the covariance
-_IDENTITY, _DIAGONAL = np.eye(12), np.diag_indices(12)
+class _Rows:
+    """Of the covariance."""
+
+    TILT, BIAS, VELOCITY, OFFSET = (slice(first, first + 3) for first in (0, 3, 6, 9))
+    ALL = 12
+
+
+_IDENTITY, _DIAGONAL = np.eye(_Rows.ALL), np.diag_indices(_Rows.ALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +91,12 @@ class InertialFilter:
         self.rotation, self.covariance = np.array([side, np.cross(up, side), up]), np.diag(np.square(sigmas))
         self.bias, self.velocity, self.offset = np.zeros((3, 3))
         if mount_up is None:  # the offset that the mean force holds is a tilt
-            mixed = np.eye(12)
-            mixed[:2, OFFSET] = np.array([-self.rotation[1], self.rotation[0]]) / GRAVITY_M_S2
+            mixed = _IDENTITY.copy()
+            mixed[:2, _Rows.OFFSET] = np.array([-self.rotation[1], self.rotation[0]]) / GRAVITY_M_S2
             self.covariance = mixed @ self.covariance @ mixed.T
         else:
             share = offset**2 / (offset**2 + noise.accel**2)  # against what a second of the robot's acceleration leaves
-            self.covariance[OFFSET, OFFSET] *= 1.0 - share
+            self.covariance[_Rows.OFFSET, _Rows.OFFSET] *= 1.0 - share
             self.offset = share * (force - GRAVITY_M_S2 * up)
 
     @property
@@ -135,10 +141,10 @@ class InertialFilter:
         variance += np.diag([loose, loose, noise.resting**2])
         residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (self.velocity + before.velocity) / 2.0
         turned_rad = _turned_rad(before.rotation, self.rotation)
-        self._correct(_IDENTITY[VELOCITY], residual, variance, robust=True)
+        self._correct(_IDENTITY[_Rows.VELOCITY], residual, variance, robust=True)
         variance = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
-        about = np.zeros((1, 12))
-        about[0, BIAS] = self.up_optical
+        about = np.zeros((1, _Rows.ALL))
+        about[0, _Rows.BIAS] = self.up_optical
         off = np.array([wrap_angle(turned_rad - motion.yaw_rad) / span_s])
         self._correct(about, off, np.array([[variance / span_s**2]]), vertical=True, robust=True)
         slow = math.hypot(motion.x_m, motion.y_m) < noise.resting * span_s
@@ -154,7 +160,7 @@ class InertialFilter:
         x, y = before.heading.tolist()
         axes = np.array([[x, y, 0.0], [-y, x, 0.0]])
         arm = (self.rotation - before.rotation) @ arm_optical_m[1]
-        covariance = (before.covariance + self.covariance)[VELOCITY, VELOCITY] / 2.0
+        covariance = (before.covariance + self.covariance)[_Rows.VELOCITY, _Rows.VELOCITY] / 2.0
         return axes @ ((self.velocity + before.velocity) / 2.0 * span_s - arm), axes @ covariance @ axes.T * span_s**2
 
     def mounted(self, up_optical: Array, sigmas_rad: Array) -> None:
@@ -163,7 +169,7 @@ class InertialFilter:
         up_optical: (3,) on the level robot. sigmas_rad: (2,) of the nods, about the world's axes.
         """
         off = self.rotation @ up_optical
-        self._correct(_IDENTITY[TILT][:2], np.array([off[1], -off[0]]), np.diag(np.square(sigmas_rad)))
+        self._correct(_IDENTITY[_Rows.TILT][:2], np.array([off[1], -off[0]]), np.diag(np.square(sigmas_rad)))
 
     def remounted(self, before: Array, after: Array) -> None:
         """Replaces the up direction (3,) that earlier mount updates used by another one (optical frame): the measured
@@ -181,9 +187,9 @@ class InertialFilter:
         force = before.rotation @ gained
         x, y, z = force.tolist()
         transition = _IDENTITY.copy()
-        transition[TILT, BIAS] = transition[VELOCITY, OFFSET] = -span_s * before.rotation
+        transition[_Rows.TILT, _Rows.BIAS] = transition[_Rows.VELOCITY, _Rows.OFFSET] = -span_s * before.rotation
         # The heading moves no velocity that a heading-free frame could know.
-        transition[VELOCITY, TILT] = [[0.0, z, 0.0], [-z, 0.0, 0.0], [y, -x, 0.0]]
+        transition[_Rows.VELOCITY, _Rows.TILT] = [[0.0, z, 0.0], [-z, 0.0, 0.0], [y, -x, 0.0]]
         angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated)
         angle2 += noise.hole**2 * unseen_s3
         gained2 = noise.accel**2 * span_s + (GRAVITY_M_S2 / 2.0 * float(holes_s.sum())) ** 2
@@ -194,7 +200,7 @@ class InertialFilter:
         self.recent = ImuSamples.joined([before.recent, samples]).between(until_s - noise.rest_window_s, until_s)
         self.rest_s = before.rest_s + span_s if before.calm is not False and before._at_rest(self.recent) else 0.0
         self.before, self.stamp_s = before, until_s
-        about = before.up_optical @ before.covariance[BIAS, BIAS] @ before.up_optical
+        about = before.up_optical @ before.covariance[_Rows.BIAS, _Rows.BIAS] @ before.up_optical
         axis = before.rotation @ (SKEW @ rotated.ravel())
         nodded2, tilt2 = (
             float(axis[:2] @ axis[:2]) / 4.0,
@@ -208,7 +214,7 @@ class InertialFilter:
     def _hold(self, span_s: float) -> None:
         """Bounds velocities that no odometry measures. At rest the velocity is zero and the mean rate is the bias;
         about the vertical only without odometry, which distinguishes a slow turn from rest."""
-        noise, selected = self._noise, _IDENTITY[VELOCITY]
+        noise, selected = self._noise, _IDENTITY[_Rows.VELOCITY]
         if self.calm is None:
             self._correct(selected, -self.velocity, noise.speed**2 * max(1.0 / span_s, 1.0) * np.eye(3))
         if self.rest_s < noise.rest_window_s:
@@ -217,7 +223,7 @@ class InertialFilter:
         rate = self.recent.gyro_rad_s.mean(axis=0)
         # The window's mean is nearly the same one frame later: each counts for its share of a second.
         variance = noise.resting**2 / len(self.recent) / span_s * np.eye(3)
-        self._correct(_IDENTITY[BIAS], rate - self.bias, variance, vertical=self.calm is None)
+        self._correct(_IDENTITY[_Rows.BIAS], rate - self.bias, variance, vertical=self.calm is None)
 
     def _correct(
         self, selected: Array, residual: Array, variance: Array, *, vertical: bool = False, robust: bool = False
@@ -233,13 +239,13 @@ class InertialFilter:
             variance, gain = variance + (excess - 1.0) * expected, gain / excess
         if not vertical:
             up = self.up_optical
-            gain[BIAS] -= up[:, None] * (up @ gain[BIAS])
+            gain[_Rows.BIAS] -= up[:, None] * (up @ gain[_Rows.BIAS])
         change = gain @ residual
         left = _IDENTITY - gain @ selected
-        self.rotation = small_rotation(*change[TILT].tolist()) @ self.rotation
-        self.bias = self.bias + change[BIAS]
-        self.velocity = self.velocity + change[VELOCITY]
-        self.offset = self.offset + change[OFFSET]
+        self.rotation = small_rotation(*change[_Rows.TILT].tolist()) @ self.rotation
+        self.bias = self.bias + change[_Rows.BIAS]
+        self.velocity = self.velocity + change[_Rows.VELOCITY]
+        self.offset = self.offset + change[_Rows.OFFSET]
         self.covariance = left @ self.covariance @ left.T + gain @ variance @ gain.T
 
     def _integrated(self, samples: ImuSamples, until_s: float) -> tuple[Array, Array, Array, float]:
@@ -276,7 +282,7 @@ class InertialFilter:
             return False
         unlike = np.abs(recent.gyro_rad_s.mean(axis=0) - self.bias)
         # An IMU may be poorer than a BMI055: EuRoC's gyro has 4.5 deg/s of bias before it rests.
-        likely = 5.0 * np.sqrt(np.diag(self.covariance)[BIAS]) + 0.003
+        likely = 5.0 * np.sqrt(np.diag(self.covariance)[_Rows.BIAS]) + 0.003
         return bool(recent.gyro_rad_s.std(axis=0).max() < self._noise.resting and (unlike < likely).all())
 
 

@@ -162,13 +162,10 @@ class Intrinsics:
     distortion: Distortion = field(default_factory=Distortion)
 
     def __post_init__(self) -> None:
-        for name in ("width", "height", "fx", "fy"):
-            value = getattr(self, name)
-            if not math.isfinite(value) or value <= 0:
-                raise GeometryError(f"intrinsics: {name} is {value}, must be a positive number of pixels")
-        for name in ("cx", "cy"):
-            if not math.isfinite(getattr(self, name)):
-                raise GeometryError(f"intrinsics: {name} is {getattr(self, name)}, must be a finite number of pixels")
+        for name in ("width", "height", "fx", "fy", "cx", "cy"):
+            value, kind = getattr(self, name), "finite" if name in ("cx", "cy") else "positive"
+            if not math.isfinite(value) or (kind == "positive" and value <= 0):
+                raise GeometryError(f"intrinsics: {name} is {value}, must be a {kind} number of pixels")
 
     @property
     def off_picture(self) -> bool:

@@ -314,11 +314,7 @@ HEAD, TILT = Mount.from_degrees(1.7, 20.0), MountTiltRule()
 
 
 def test_edges_of_the_room_show_up_in_the_last_frame_while_the_camera_turns():
-    source, rng, turn = (
-        PicturesAttitude(HEAD, TILT),
-        np.random.default_rng(1),
-        small_rotation(0.03, 0.02, 0.1),
-    )
+    source, rng, turn = PicturesAttitude(HEAD, TILT), np.random.default_rng(1), small_rotation(0.03, 0.02, 0.1)
     up, rotation = up_optical(HEAD.pitch_rad, 0.0), TrackedRotation(turn, Carried().certain())
     for index in range(2):
         source.predict(index / 10.0)
@@ -331,11 +327,7 @@ def test_edges_of_the_room_show_up_in_the_last_frame_while_the_camera_turns():
 
 
 def test_edges_of_two_pictures_show_the_room_together_turned_with_the_camera():
-    source, rng, turn = (
-        PicturesAttitude(HEAD, TILT),
-        np.random.default_rng(0),
-        small_rotation(0.0, 0.02, 0.5),
-    )
+    source, rng, turn = PicturesAttitude(HEAD, TILT), np.random.default_rng(0), small_rotation(0.0, 0.02, 0.5)
     normals, lengths = room_edges(20.0, 0.0, rng, count=6, outliers=0)
     first, second = np.arange(0, len(lengths), 2), np.arange(1, len(lengths), 2)
     assert source.see_edges(normals[first], lengths[first]) is None

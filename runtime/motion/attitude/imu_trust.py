@@ -168,10 +168,9 @@ class ImuTrust:
             wrong = partial(self._judge.judge, lengths=False)
             self._contrary = wrong(about(up))
             if self._contrary and not self._judge.delay(about(up)):
-                right = next((name for name, axis in AXES.items() if not wrong(about(axis))), "")
-                self._contrary += (
-                    f"; about its {right} axis it does (are its axes right, down, ahead?)" if right else ""
-                )
+                right = next((name for name, axis in AXES.items() if not wrong(about(axis))), None)
+                if right:
+                    self._contrary += f"; about its {right} axis it does (are its axes right, down, ahead?)"
         yaw_rad, variance = moved[0].yaw_rad, float(moved[1][2, 2]) + (0.01 * (to_s - from_s)) ** 2
         self._yaw = self._yaw.updated(self._turned_rad, yaw_rad, variance)
 
@@ -213,12 +212,8 @@ class ImuTrust:
         before, self.forceless = self.forceless, _not_gravity(self._force, up)
         if self.forceless:
             samples = replace(samples, accel_m_s2=np.tile(GRAVITY_M_S2 * up, (len(samples), 1)))
-        return samples, _news(
-            before,
-            self.forceless and f"accelerometer: {self.forceless}",
-            "left out, the gyro is used alone",
-            "the accelerometer",
-        )
+        why = self.forceless and f"accelerometer: {self.forceless}"
+        return samples, _news(before, why, "left out, the gyro is used alone", "the accelerometer")
 
     def _guilty(self) -> str:
         """Why a sensor is left out; empty where none is."""

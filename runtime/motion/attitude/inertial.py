@@ -103,7 +103,7 @@ class InertialAttitude:
     def _continued(
         self, state: InertialFilter, samples: ImuSamples, stamp_s: float, before_s: float, moved: Moved | None
     ) -> GyroRotation | None:
-        """Takes the filter to a frame. Returns the rotation since the previous frame, where that one had samples. The
+        """Advances the filter to a frame. Returns the rotation since the previous one, where that one had samples. The
         tilt is pulled towards the mount, less with distance, so a carried camera stays free."""
         from_s, span_s, state.calm = state.stamp_s, stamp_s - state.stamp_s, None
         if moved is not None:
