@@ -14,8 +14,7 @@ from edgemap.calibrate.lens import WORST_RMS_PX
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.level import pitch_roll
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, pitch_roll
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.robust import FEWEST
 from edgemap.runtime.frames.errors import CalibrationError

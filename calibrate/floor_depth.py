@@ -14,8 +14,7 @@ from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import GRAVITY_M_S2
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.level import pitch_roll
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, pitch_roll
 from edgemap.geometry.robust import FEWEST, median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M

@@ -24,8 +24,7 @@ from edgemap.calibrate.guess_sizes import (
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.level import pitch_roll
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, pitch_roll
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.robust import FEWEST, median_and_scatter
 from edgemap.runtime.frames.errors import CalibrationError

@@ -5,8 +5,9 @@ import math
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.attitude import RoomAxes
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.camera.room_edges import SIGMA_RAD, RoomAxes, level_axes, room_axes
+from edgemap.geometry.camera.room_edges import SIGMA_RAD, level_axes, room_axes
 from edgemap.geometry.robust import FEWEST
 from edgemap.runtime.motion.attitude.segments import Segments, longest, segments_between
 

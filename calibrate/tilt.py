@@ -8,7 +8,7 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.inertial import small_rotation
-from edgemap.geometry.camera.level import pitch_roll
+from edgemap.geometry.camera.mount import pitch_roll
 from edgemap.geometry.camera.room_edges import (
     MINIMUM_SHARE,
     NEAR_RAD,

@@ -101,8 +101,7 @@ def _by_edges(
     from edgemap.calibrate.board import frames_of
     from edgemap.calibrate.wheel_height import fit_wheel_height
     from edgemap.geometry.camera.inertial import OFFSET_RAD
-    from edgemap.geometry.camera.level import pitch_roll
-    from edgemap.geometry.camera.mount import Mount
+    from edgemap.geometry.camera.mount import Mount, pitch_roll
 
     try:
         with calibration.open() as source:
@@ -142,7 +141,7 @@ def _with_lever_arm(mount: "Mount", prior: "Mount | None") -> "Mount":
 def _compare_gravity(mount: "Mount", up: Any) -> None:
     """What the accelerometer says beside the result. Raises CalibrationError where no offset explains it."""
     from edgemap.geometry.camera.inertial import OFFSET_RAD
-    from edgemap.geometry.camera.level import pitch_roll
+    from edgemap.geometry.camera.mount import pitch_roll
 
     if up is None:
         return

@@ -7,7 +7,7 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.carried import Carried
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, pitch_roll
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,8 +17,8 @@ class GyroRotation:
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. yaw_rad: of it as the
     change of the optical axis's heading, counter-clockwise. sigma_rad: standard deviation of yaw_rad. proved: whether
     an odometry has confirmed its sign and scale; also true for a swinging camera, whose rotation only a gyro measures
-    well, where gravity turns by its rates. displaced: as of `inertial_displaced`, by the accelerometer; None where it
-    integrated nothing.
+    well, where gravity turns by its rates. displaced: as of `InertialFilter.displaced`, by the accelerometer; None
+    where it integrated nothing.
     """
 
     rotation: Array
@@ -56,13 +56,16 @@ class MountEstimate:
     given: Mount
 
 
-@dataclass(frozen=True, slots=True)
-class RoomHeading:
-    """Heading of the room in the frame of a stamp, from its edges. level_rad, sigma_rad: as of `RoomAxes`."""
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomAxes:
+    """Axes of the room in one frame, from its edges. level_rad: from the optical axis's heading to a level direction of
+    the room, counter-clockwise, modulo a right angle; None where too few level edges show it. sigma_rad: its standard
+    deviation. up: (3,), unit vector of the optical frame. stamp_s: of the frame, where it is known."""
 
-    stamp_s: float
-    level_rad: float
+    level_rad: float | None
     sigma_rad: float
+    up: Array
+    stamp_s: float = math.nan
 
 
 def rotation_angle(rotation: Array) -> float:
@@ -79,9 +82,9 @@ class Attitude:
     height_m: the lens above the floor in this frame, None for the mount's. rotation: None without a gyro.
     source: name of the sensor or method, for display. predicted: whether it was computed before the odometry measured
     this frame's rotation. carried: whether the tilt measured from a room's edges scatters more than that of a mounted
-    camera. room, seen_up: heading of the room, and up (3,) in the previous frame's optical axes, where the edges of an
-    earlier frame have just been evaluated. force_rad: roll and pitch (2,) by the accelerometer alone. mount: estimate
-    of the mount's angles so far, None where there is none yet.
+    camera. room: its axes in the previous frame, where the edges of that one have just been evaluated. force_rad: roll
+    and pitch (2,) by the accelerometer alone. mount: estimate of the mount's angles so far, None where there is none
+    yet.
     """
 
     roll_rad: float
@@ -92,8 +95,7 @@ class Attitude:
     source: str = "mount"
     predicted: bool = False
     carried: bool = False
-    room: RoomHeading | None = None
-    seen_up: Array | None = None
+    room: RoomAxes | None = None
     force_rad: Array | None = None
     mount: MountEstimate | None = None
 
@@ -105,9 +107,7 @@ class Attitude:
     @classmethod
     def of_up(cls, up_optical: Array, covariance_rad2: Array, source: str) -> "Attitude":
         """From a vector that points up, (3,) in the optical frame, of any length."""
-        right, down, forward = (float(value) for value in up_optical)
-        roll_rad = math.atan2(-right, -down)
-        pitch_rad = math.atan2(-forward, math.hypot(right, down))
+        pitch_rad, roll_rad = pitch_roll(up_optical)
         return cls(roll_rad, pitch_rad, covariance_rad2, source=source)
 
     def held_to(self, measured: "Attitude") -> "Attitude":

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from edgemap.geometry.camera.depth_points import NEAREST_M
 from edgemap.geometry.camera.intrinsics import Intrinsics
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class DepthCamera:
     """Intrinsics of a depth camera and its pose in the optical frame of the picture's camera: rotation (3, 3) and
     position_m (3,) take its points into that frame."""
@@ -20,34 +21,28 @@ class DepthCamera:
     rotation: Array = field(default_factory=lambda: np.eye(3))
     position_m: Array = field(default_factory=lambda: np.zeros(3))
 
+    @cached_property
+    def _rays(self) -> NDArray[np.float32]:
+        """Of all its pixels, (3, N), along the axes of the picture's camera."""
+        v, u = np.mgrid[0 : self.intrinsics.height, 0 : self.intrinsics.width]
+        rays = self.intrinsics.rays(np.column_stack([u.ravel(), v.ravel()])) @ self.rotation.T
+        return np.ascontiguousarray(rays.T, dtype=np.float32)
 
-class DepthRegistration:
-    """Registers depth pictures to the pixels of the picture's lens. The nearest depth of a pixel counts, as in the
-    picture."""
-
-    def __init__(self, camera: DepthCamera, lens: Intrinsics) -> None:
-        self._camera, self._lens, sensor = camera, lens, camera.intrinsics
-        v, u = np.mgrid[0 : sensor.height, 0 : sensor.width]
-        rays = sensor.rays(np.column_stack([u.ravel(), v.ravel()])) @ camera.rotation.T
-        self._rays = np.ascontiguousarray(rays.T, dtype=np.float32)
-        # A pixel of the depth picture covers as many of the picture's, or these would have holes.
-        self._spans = math.ceil(lens.fx / sensor.fx - 1e-6), math.ceil(lens.fy / sensor.fy - 1e-6)
-
-    def registered(self, depth: NDArray[np.float32]) -> NDArray[np.float32] | None:
-        """(H, W) metres along the lens's optical axis, 0 where unknown; None for a depth picture of another size."""
-        sensor, lens = self._camera.intrinsics, self._lens
+    def registered(self, depth: NDArray[np.float32], lens: Intrinsics) -> NDArray[np.float32] | None:
+        """Depth registered to the pixels of the picture's lens: (H, W) metres along its optical axis, 0 where unknown;
+        None for a depth picture of another size. The nearest depth of a pixel counts, as in the picture."""
+        sensor = self.intrinsics
         if depth.shape != (sensor.height, sensor.width):
             return None
         measured = np.flatnonzero(depth > 0.0)
-        x, y, z = self._rays[:, measured] * depth.ravel()[measured] + self._camera.position_m[:, None].astype(
-            np.float32
-        )
+        x, y, z = self._rays[:, measured] * depth.ravel()[measured] + self.position_m[:, None].astype(np.float32)
         ahead = np.flatnonzero(z > NEAREST_M)
         ideal, z = np.stack([x[ahead], y[ahead]], axis=1) / z[ahead, None], z[ahead]
         distorted = ideal if lens.distortion.is_identity else lens.distortion.distort(ideal.astype(np.float64))
         columns, rows = distorted[:, 0] * lens.fx + lens.cx, distorted[:, 1] * lens.fy + lens.cy
         nearest = np.full(lens.height * lens.width, np.inf, dtype=np.float32)
-        wide, high = self._spans
+        # A pixel of the depth picture covers as many of the picture's, or these would have holes.
+        wide, high = math.ceil(lens.fx / sensor.fx - 1e-6), math.ceil(lens.fy / sensor.fy - 1e-6)
         for across in range(wide):
             for down in range(high):
                 u, v = np.rint(columns + across - (wide - 1) / 2.0), np.rint(rows + down - (high - 1) / 2.0)

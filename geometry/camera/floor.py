@@ -45,12 +45,9 @@ class FloorCamera:
         """The camera of one frame. Pitch, roll and, if estimated, height are those of the frame; all other values are
         those of the mount.
         """
-        mount = replace(
-            self.mount,
-            pitch_rad=_clipped(attitude.pitch_rad),
-            roll_rad=_clipped(attitude.roll_rad),
-            height_m=self.mount.height_m if attitude.height_m is None else max(attitude.height_m, 0.02),  # never below
-        )
+        pitch, roll = np.clip([attitude.pitch_rad, attitude.roll_rad], -STEEPEST_RAD, STEEPEST_RAD).tolist()
+        height_m = self.mount.height_m if attitude.height_m is None else max(attitude.height_m, 0.02)  # never below
+        mount = replace(self.mount, pitch_rad=pitch, roll_rad=roll, height_m=height_m)
         return replace(self, mount=mount, attitude=attitude)
 
     def rays_base(self, pixels: ArrayLike) -> Array:
@@ -67,8 +64,8 @@ class FloorCamera:
 
         With zero roll, and in the column of the optical axis, this is the paper's equation 3.
         """
-        rotation, lens = self.mount.rotation_base_optical(), self.mount.position_base_m()
-        return on_floor(self.intrinsics.rays(pixels), rotation, lens)
+        mount = self.mount
+        return on_floor(self.intrinsics.rays(pixels), mount.rotation_base_optical(), mount.position_base_m())
 
     def project(self, points_base_m: ArrayLike) -> Array:
         """Projects points (N, 3), or (N, 2) on the floor, base frame, to pixels (N, 2); NaN behind the camera."""
@@ -155,7 +152,3 @@ def on_floor(rays_optical: Array, rotation: Array, lens: Array) -> Array:
 
 def _outer(vectors: Array) -> Array:
     return vectors[:, :, None] * vectors[:, None, :]
-
-
-def _clipped(angle_rad: float) -> float:
-    return min(max(angle_rad, -STEEPEST_RAD), STEEPEST_RAD)

@@ -1,7 +1,8 @@
 """The floor as a plane fitted to the 3-D points of a depth camera."""
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,48 +25,29 @@ QUIETEST = 0.15  # of that noise, when the points of the plane scatter less: els
 class FloorPlane:
     """up: (3,) unit vector away from the floor, optical frame. height_m: of the lens above it. rms_m: root mean square
     distance of its points from it. share: fraction of all points that lie on it. covariance: (3, 3) in pitch, roll
-    (rad) and height (m); infinite where it was not estimated.
+    (rad) and height (m).
     """
 
     up: Array
     height_m: float
     rms_m: float
     share: float
-    covariance: Array = field(default_factory=lambda: np.full((3, 3), np.inf))
+    covariance: Array
 
 
 def follow_floor(points_m: Array, up: Array, height_m: float) -> FloorPlane | None:
     """The floor near where it is expected, with its covariance; None where too few points lie there, or too many below.
 
     points_m: (N, 3), optical frame. up: (3,) unit vector and height_m of the expected plane, good to a few degrees and
-    centimetres. Least squares, the band about the plane ever narrower.
+    centimetres.
     """
-    reach_m = np.linalg.norm(points_m, axis=1)
     noise = NOISE_M + NOISE_PER_M * points_m[:, 2]
-    covariance, on, quiet = np.eye(3), np.zeros(len(points_m), dtype=bool), 1.0
-    for constant_m, per_m in FOLLOW_BANDS:
-        off = np.abs(points_m @ up + height_m)
-        on = off < quiet * BAND * noise + constant_m + per_m * reach_m
-        if on.sum() < max(MINIMUM_POINTS, MINIMUM_SHARE * len(points_m)):
-            return None
-        if constant_m == 0.0:
-            quiet = float(np.clip(NORMAL * np.median(off[on] / noise[on]), QUIETEST, 1.0))
-        forward = np.array([0.0, 0.0, 1.0]) - up[2] * up
-        forward /= np.linalg.norm(forward)
-        side = np.cross(up, forward)
-        slopes = np.column_stack([points_m[on] @ forward, points_m[on] @ side, np.ones(on.sum())])
-        weighted = slopes / noise[on, None] ** 2
-        covariance = np.asarray(np.linalg.pinv(weighted.T @ slopes), dtype=np.float64)
-        pitch, roll, rise_m = -covariance @ weighted.T @ (points_m[on] @ up + height_m)
-        up = up + pitch * forward + roll * side
-        up, height_m = up / np.linalg.norm(up), height_m + float(rise_m)
-    heights = points_m @ up + height_m
-    if (heights < -2.0 * BAND * noise).mean() > BELOW_SHARE or height_m <= 0.0:
+    plane = _fitted(points_m, noise, up, height_m, FOLLOW_BANDS, len(points_m))
+    if plane is None or plane.height_m <= 0.0:
         return None
-    covariance = covariance * CORRELATED * quiet**2
-    if np.diag(covariance)[:2].max() > SURE_RAD**2 or covariance[2, 2] > SURE_M**2:
-        return None
-    return FloorPlane(up, height_m, float(np.sqrt((heights[on] ** 2).mean())), float(on.mean()), covariance)
+    variances, heights = np.diag(plane.covariance), points_m @ plane.up + plane.height_m
+    sure = variances[:2].max() <= SURE_RAD**2 and variances[2] <= SURE_M**2
+    return plane if sure and (heights < -2.0 * BAND * noise).mean() <= BELOW_SHARE else None
 
 
 def find_floor(points_m: Array, rng: np.random.Generator, up: Array | None = None) -> FloorPlane | None:
@@ -75,27 +57,22 @@ def find_floor(points_m: Array, rng: np.random.Generator, up: Array | None = Non
     upward direction. RANSAC (Fischler and Bolles 1981) for one plane after the other, each refined by least squares.
     """
     expected = np.array([0.0, -1.0, 0.0]) if up is None else up / np.linalg.norm(up)
-    band = BAND * (NOISE_M + NOISE_PER_M * points_m[:, 2])
-    left, planes = np.ones(len(points_m), dtype=bool), []
+    noise = NOISE_M + NOISE_PER_M * points_m[:, 2]
+    left, planes = np.ones(len(points_m), dtype=bool), list[FloorPlane]()
     for _ in range(4):  # floor, table, seat, ceiling: the floor is the lowest of the first few
-        plane = _plane(points_m[left], band[left], expected, rng, len(points_m))
+        plane = _largest(points_m[left], noise[left], expected, rng, len(points_m))
         if plane is None:
             break
-        normal, height_m, quiet = plane
-        heights = points_m @ normal + height_m
-        on = left & (np.abs(heights) < quiet * band)
-        if (heights < -2.0 * band).mean() < BELOW_SHARE and height_m > 0.0:
-            rms_m = float(np.sqrt((heights[on] ** 2).mean()))
-            planes.append(FloorPlane(normal, height_m, rms_m, float(on.mean())))
-        left &= np.abs(heights) > 2.0 * band
+        heights = points_m @ plane.up + plane.height_m
+        if (heights < -2.0 * BAND * noise).mean() < BELOW_SHARE and plane.height_m > 0.0:
+            planes.append(plane)
+        left &= np.abs(heights) > 2.0 * BAND * noise
     return max(planes, key=lambda plane: plane.height_m, default=None)
 
 
-def _plane(
-    points: Array, band: Array, expected: Array, rng: np.random.Generator, total: int
-) -> tuple[Array, float, float] | None:
-    """Normal (3,) of the largest plane, height of the lens over it, and the share of the band that its points need;
-    None where it holds too few of `total` points."""
+def _largest(points: Array, noise: Array, expected: Array, rng: np.random.Generator, total: int) -> FloorPlane | None:
+    """The largest plane that is nearly upright to the expected direction; None where it holds too few of `total`
+    points."""
     if len(points) < MINIMUM_POINTS:
         return None
     corners = points[rng.integers(0, len(points), (300, 3))]  # of planes that are tried
@@ -108,18 +85,33 @@ def _plane(
         return None
     normals, corners = normals[upright], corners[upright]
     heights = -(normals * corners[:, 0]).sum(axis=1)
-    best = int((np.abs(points @ normals.T + heights) < band[:, None]).sum(axis=0).argmax())
-    normal, height_m, quiet = normals[best], float(heights[best]), 1.0
-    for _ in range(6):  # least squares
-        off = np.abs(points @ normal + height_m) / band
-        on = off < quiet
+    best = int((np.abs(points @ normals.T + heights) < BAND * noise[:, None]).sum(axis=0).argmax())
+    plane = _fitted(points, noise, normals[best], float(heights[best]), [(0.0, 0.0)] * 6, total)
+    return plane if plane is not None and plane.up @ expected > math.cos(STEEPEST_RAD) else None
+
+
+def _fitted(
+    points: Array, noise: Array, up: Array, height_m: float, bands: Sequence[tuple[float, float]], total: int
+) -> FloorPlane | None:
+    """The plane near an expected one by least squares, with its points chosen again in each band; None where they are
+    too few of `total` points."""
+    reach_m = np.linalg.norm(points, axis=1)
+    covariance, on, quiet = np.eye(3), np.zeros(len(points), dtype=bool), 1.0
+    for constant_m, per_m in bands:
+        off = np.abs(points @ up + height_m)
+        on = off < quiet * BAND * noise + constant_m + per_m * reach_m
         if on.sum() < max(MINIMUM_POINTS, MINIMUM_SHARE * total):
             return None
-        quiet = float(np.clip(BAND * NORMAL * np.median(off[on]), QUIETEST, 1.0))
-        weights = 1.0 / band[on] ** 2
-        centre = (weights[:, None] * points[on]).sum(axis=0) / weights.sum()
-        offsets = points[on] - centre
-        normal = np.linalg.eigh((offsets * weights[:, None]).T @ offsets)[1][:, 0]
-        normal = normal * (-1.0 if normal @ expected < 0.0 else 1.0)
-        height_m = -float(normal @ centre)
-    return (normal, height_m, quiet) if normal @ expected > math.cos(STEEPEST_RAD) else None
+        if constant_m == 0.0:
+            quiet = float(np.clip(NORMAL * np.median(off[on] / noise[on]), QUIETEST, 1.0))
+        forward = np.array([0.0, 0.0, 1.0]) - up[2] * up
+        forward /= np.linalg.norm(forward)
+        side = np.cross(up, forward)
+        slopes = np.column_stack([points[on] @ forward, points[on] @ side, np.ones(on.sum())])
+        weighted = slopes / noise[on, None] ** 2
+        covariance = np.asarray(np.linalg.pinv(weighted.T @ slopes), dtype=np.float64)
+        pitch, roll, rise_m = -covariance @ weighted.T @ (points[on] @ up + height_m)
+        up = up + pitch * forward + roll * side
+        up, height_m = up / np.linalg.norm(up), height_m + float(rise_m)
+    rms_m = float(np.sqrt(((points[on] @ up + height_m) ** 2).mean()))
+    return FloorPlane(up, height_m, rms_m, float(on.sum() / total), covariance * CORRELATED * quiet**2)

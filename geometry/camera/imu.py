@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import GeometryError
@@ -34,21 +35,19 @@ class ImuSamples:
     @classmethod
     def joined(cls, parts: "list[ImuSamples]") -> "ImuSamples":
         """All samples of the parts, in their order."""
-        if not parts:
-            return cls.none()
-        return cls(
-            np.concatenate([part.stamps_s for part in parts]),
-            np.concatenate([part.gyro_rad_s for part in parts]),
-            np.concatenate([part.accel_m_s2 for part in parts]),
-        )
+        rows = ((part.stamps_s, part.gyro_rad_s, part.accel_m_s2) for part in (cls.none(), *parts))
+        return cls(*map(np.concatenate, zip(*rows, strict=True)))
 
     def __len__(self) -> int:
         return len(self.stamps_s)
 
     def between(self, after_s: float, until_s: float) -> "ImuSamples":
         """The samples in (after_s, until_s]."""
-        first, end = np.searchsorted(self.stamps_s, [after_s, until_s], side="right")
-        return ImuSamples(self.stamps_s[first:end], self.gyro_rad_s[first:end], self.accel_m_s2[first:end])
+        return self.rows(slice(*np.searchsorted(self.stamps_s, [after_s, until_s], side="right")))
+
+    def rows(self, rows: slice | NDArray[np.bool_]) -> "ImuSamples":
+        """Some of the samples."""
+        return ImuSamples(self.stamps_s[rows], self.gyro_rad_s[rows], self.accel_m_s2[rows])
 
     def rotated(self, rotation: Array) -> "ImuSamples":
         """The samples in another frame: `rotation` (3, 3) takes directions of this frame into it."""

@@ -9,7 +9,8 @@ velocity (3), accelerometer offset (3).
 """
 
 import math
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,17 +26,14 @@ OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offs
 SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], dtype=float)
 
 
-class _States:
-    """Rows of the covariance."""
+class _Rows:
+    """Of the covariance."""
 
-    TILT = slice(0, 3)
-    BIAS = slice(3, 6)
-    VELOCITY = slice(6, 9)
-    OFFSET = slice(9, 12)
+    TILT, BIAS, VELOCITY, OFFSET = (slice(first, first + 3) for first in (0, 3, 6, 9))
     ALL = 12
 
 
-_IDENTITY, _DIAGONAL = np.eye(_States.ALL), np.diag_indices(_States.ALL)
+_IDENTITY, _DIAGONAL = np.eye(_Rows.ALL), np.diag_indices(_Rows.ALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,24 +56,48 @@ class InertialNoise:
     hole: float = 1.0  # density of the change of the rate in such a hole, rad/s
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class InertialState:
-    """rotation (3, 3): optical directions into a z-up frame of unknown heading. bias (3,): of the gyro, rad/s.
+class InertialFilter:
+    """The estimate up to the last samples.
+
+    rotation (3, 3): optical directions into a z-up frame of unknown heading. bias (3,): of the gyro, rad/s.
     velocity (3,): m/s, z-up frame. offset (3,): of the accelerometer, m/s^2, optical axes. covariance (12, 12).
     stamp_s: up to where samples are integrated. recent: samples of the last moments. rest_s: how long the camera has
-    been at rest. before: the state of the step before, itself without one. calm: whether odometry measured so little
+    been at rest. before: the estimate of the step before, itself without one. calm: whether odometry measured so little
     motion that the camera may be at rest, None without odometry."""
 
-    rotation: Array
-    bias: Array
-    velocity: Array
-    offset: Array
-    covariance: Array
-    stamp_s: float
-    recent: ImuSamples
-    rest_s: float = 0.0
-    before: "InertialState | None" = None
-    calm: bool | None = None
+    def __init__(
+        self, samples: ImuSamples, stamp_s: float, noise: InertialNoise, sigma_rad: float, mount_up: Array | None = None
+    ) -> None:
+        """The attitude from the mean specific force of the first samples (one or more); the gyro's bias is unknown.
+
+        sigma_rad: standard deviation of the tilt. mount_up: (3,), the mount's up direction, which is taken instead of
+        the force's; it makes the accelerometer's offset observable.
+        """
+        force = samples.accel_m_s2.mean(axis=0)
+        mean_m_s2 = float(np.linalg.norm(force))
+        if mount_up is None:
+            # A walk mistaken for rest at the start would appear as an acceleration, so the velocity is known less.
+            up, speed = force / max(mean_m_s2, 1e-9), CLEAR_SIGMAS * noise.speed
+            sigma_rad += 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
+        else:
+            up, speed = mount_up, noise.speed
+        side = np.cross(up, [0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0])
+        side /= np.linalg.norm(side)
+        offset = noise.offset * GRAVITY_M_S2
+        sigmas = [sigma_rad] * 2 + [1e-6] + [noise.start_bias] * 3 + [speed] * 3 + [offset] * 3
+        self._noise, self.stamp_s, self.recent, self.rest_s = noise, stamp_s, samples, 0.0
+        self.before: InertialFilter | None = None
+        self.calm: bool | None = None
+        self.rotation, self.covariance = np.array([side, np.cross(up, side), up]), np.diag(np.square(sigmas))
+        self.bias, self.velocity, self.offset = np.zeros((3, 3))
+        if mount_up is None:  # the offset that the mean force holds is a tilt
+            mixed = _IDENTITY.copy()
+            mixed[:2, _Rows.OFFSET] = np.array([-self.rotation[1], self.rotation[0]]) / GRAVITY_M_S2
+            self.covariance = mixed @ self.covariance @ mixed.T
+        else:
+            share = offset**2 / (offset**2 + noise.accel**2)  # against what a second of the robot's acceleration leaves
+            self.covariance[_Rows.OFFSET, _Rows.OFFSET] *= 1.0 - share
+            self.offset = share * (force - GRAVITY_M_S2 * up)
 
     @property
     def up_optical(self) -> Array:
@@ -100,196 +122,174 @@ class InertialState:
         axes = np.array([[ahead[0], ahead[1]], [ahead[1], -ahead[0]]])
         return axes @ self.covariance[:2, :2] @ axes.T
 
+    def moved(self, motion: SE2, covariance: Array, arm_optical_m: Array) -> None:
+        """Update with an odometry that does not use the gyro: motion of the base over the last step with covariance
+        (3, 3).
 
-def inertial_start(
-    samples: ImuSamples, stamp_s: float, noise: InertialNoise, sigma_rad: float, up_optical: Array | None = None
-) -> InertialState:
-    """The attitude from the mean specific force of the first samples (one or more); the gyro's bias is unknown.
+        arm_optical_m: from the floor below the lens up to it, and from the base's origin to there, (2, 3), optical
+        axes. A camera high above the base swings as the robot nods; pictures measure that, wheels do not.
+        """
+        before, noise = self.before, self._noise
+        if before is None:
+            return
+        span_s = self.stamp_s - before.stamp_s
+        x, y = before.heading.tolist()
+        axes = np.array([[x, -y], [y, x], [0.0, 0.0]]) / span_s  # forward and left of the base, in the world
+        swung, displaced = ((self.rotation - before.rotation) @ arm_optical_m.T).T
+        loose = noise.resting**2 + float(swung @ swung) / span_s**2
+        variance = axes @ covariance[:2, :2] @ axes.T
+        variance += np.diag([loose, loose, noise.resting**2])
+        residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (self.velocity + before.velocity) / 2.0
+        turned_rad = _turned_rad(before.rotation, self.rotation)
+        self._correct(_IDENTITY[_Rows.VELOCITY], residual, variance, robust=True)
+        variance = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
+        about = np.zeros((1, _Rows.ALL))
+        about[0, _Rows.BIAS] = self.up_optical
+        off = np.array([wrap_angle(turned_rad - motion.yaw_rad) / span_s])
+        self._correct(about, off, np.array([[variance / span_s**2]]), vertical=True, robust=True)
+        slow = math.hypot(motion.x_m, motion.y_m) < noise.resting * span_s
+        self.calm = slow and abs(motion.yaw_rad) < noise.resting * span_s
 
-    sigma_rad: standard deviation of the tilt. up_optical: (3,), the mount's up direction, which is taken instead of the
-    force's; it makes the accelerometer's offset observable.
-    """
-    force = samples.accel_m_s2.mean(axis=0)
-    mean_m_s2 = float(np.linalg.norm(force))
-    if up_optical is None:
-        # A walk mistaken for rest at the start would appear as an acceleration, so the velocity is known less.
-        up, speed = force / max(mean_m_s2, 1e-9), CLEAR_SIGMAS * noise.speed
-        tilt = sigma_rad + 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
-    else:
-        up, speed, tilt = up_optical, noise.speed, sigma_rad
-    side = np.cross(up, [0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0])
-    side /= np.linalg.norm(side)
-    offset = noise.offset * GRAVITY_M_S2
-    sigmas = [tilt] * 2 + [1e-6] + [noise.start_bias] * 3 + [speed] * 3 + [offset] * 3
-    rotation = np.array([side, np.cross(up, side), up])
-    zero, mixed, covariance = np.zeros(3), np.eye(_States.ALL), np.diag(np.square(sigmas))
-    if up_optical is None:  # the offset that the mean force holds is a tilt
-        mixed[:2, _States.OFFSET] = np.array([-rotation[1], rotation[0]]) / GRAVITY_M_S2
-        return InertialState(rotation, zero, zero, zero, mixed @ covariance @ mixed.T, stamp_s, samples)
-    share = offset**2 / (offset**2 + noise.accel**2)  # against what a second of the robot's acceleration leaves
-    covariance[_States.OFFSET, _States.OFFSET] *= 1.0 - share
-    return InertialState(rotation, zero, zero, share * (force - GRAVITY_M_S2 * up), covariance, stamp_s, samples)
+    def displaced(self, arm_optical_m: Array) -> tuple[Array, Array]:
+        """Displacement (2,), m, of the base over the last step, forward and left of where it was, and its covariance
+        (2, 2): the velocity that odometry measured before, and what the accelerometer added. arm_optical_m: as of
+        `moved`.
+        """
+        before = self.before or self
+        span_s = self.stamp_s - before.stamp_s
+        x, y = before.heading.tolist()
+        axes = np.array([[x, y, 0.0], [-y, x, 0.0]])
+        arm = (self.rotation - before.rotation) @ arm_optical_m[1]
+        covariance = (before.covariance + self.covariance)[_Rows.VELOCITY, _Rows.VELOCITY] / 2.0
+        return axes @ ((self.velocity + before.velocity) / 2.0 * span_s - arm), axes @ covariance @ axes.T * span_s**2
 
+    def mounted(self, up_optical: Array, sigmas_rad: Array) -> None:
+        """Update with the constraint that the camera nods about its mount.
 
-def inertial_moved(
-    state: InertialState, motion: SE2, covariance: Array, arm_optical_m: Array, noise: InertialNoise
-) -> InertialState:
-    """Update with an odometry that does not use the gyro: motion of the base over the last step with covariance (3, 3).
+        up_optical: (3,) on the level robot. sigmas_rad: (2,) of the nods, about the world's axes.
+        """
+        off = self.rotation @ up_optical
+        self._correct(_IDENTITY[_Rows.TILT][:2], np.array([off[1], -off[0]]), np.diag(np.square(sigmas_rad)))
 
-    arm_optical_m: from the floor below the lens up to it, and from the base's origin to there, (2, 3), optical axes. A
-    camera high above the base swings as the robot nods; pictures measure that, wheels do not.
-    """
-    before = state.before
-    if before is None:
-        return state
-    span_s = state.stamp_s - before.stamp_s
-    x, y = before.heading.tolist()
-    axes = np.array([[x, -y], [y, x], [0.0, 0.0]]) / span_s  # forward and left of the base, in the world
-    swung, displaced = ((state.rotation - before.rotation) @ arm_optical_m.T).T
-    loose = noise.resting**2 + float(swung @ swung) / span_s**2
-    variance = axes @ covariance[:2, :2] @ axes.T
-    variance += np.diag([loose, loose, noise.resting**2])
-    residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (state.velocity + before.velocity) / 2.0
-    moved = _corrected(state, _IDENTITY[_States.VELOCITY], residual, variance, learns_vertical_bias=False, robust=True)
-    variance = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
-    about = np.zeros((1, _States.ALL))
-    about[0, _States.BIAS] = moved.up_optical
-    turned_rad = _turned_rad(before.rotation, state.rotation)
-    off = np.array([wrap_angle(turned_rad - motion.yaw_rad) / span_s])
-    moved = _corrected(moved, about, off, np.array([[variance / span_s**2]]), learns_vertical_bias=True, robust=True)
-    slow = math.hypot(motion.x_m, motion.y_m) < noise.resting * span_s
-    return replace(moved, calm=slow and abs(motion.yaw_rad) < noise.resting * span_s)
+    def remounted(self, before: Array, after: Array) -> None:
+        """Replaces the up direction (3,) that earlier mount updates used by another one (optical frame): the measured
+        force stays, so the tilt and the accelerometer's offset change by the same angle.
+        """
+        rotation = self.rotation @ small_rotation(*np.cross(after, before).tolist())
+        self.offset = self.offset + GRAVITY_M_S2 * (self.rotation[2] - rotation[2])
+        self.rotation = rotation
 
+    def step(self, samples: ImuSamples, until_s: float) -> GyroRotation:
+        """Integrates the samples (one or more) up to a stamp. Returns the rotation since the last one."""
+        before, noise, span_s = copy(self), self._noise, until_s - self.stamp_s
+        before.before = None
+        rotated, gained, holes_s, unseen_s3 = self._integrated(samples, until_s)
+        force = before.rotation @ gained
+        x, y, z = force.tolist()
+        transition = _IDENTITY.copy()
+        transition[_Rows.TILT, _Rows.BIAS] = transition[_Rows.VELOCITY, _Rows.OFFSET] = -span_s * before.rotation
+        # The heading moves no velocity that a heading-free frame could know.
+        transition[_Rows.VELOCITY, _Rows.TILT] = [[0.0, z, 0.0], [-z, 0.0, 0.0], [y, -x, 0.0]]
+        angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated)
+        angle2 += noise.hole**2 * unseen_s3
+        gained2 = noise.accel**2 * span_s + (GRAVITY_M_S2 / 2.0 * float(holes_s.sum())) ** 2
+        self.covariance = transition @ before.covariance @ transition.T
+        self.covariance[_DIAGONAL] += [angle2] * 3 + [noise.bias_walk**2 * span_s] * 3 + [gained2] * 3 + [0.0] * 3
+        self.rotation = before.rotation @ rotated
+        self.velocity = before.velocity + force - [0.0, 0.0, GRAVITY_M_S2 * span_s]
+        self.recent = ImuSamples.joined([before.recent, samples]).between(until_s - noise.rest_window_s, until_s)
+        self.rest_s = before.rest_s + span_s if before.calm is not False and before._at_rest(self.recent) else 0.0
+        self.before, self.stamp_s = before, until_s
+        about = before.up_optical @ before.covariance[_Rows.BIAS, _Rows.BIAS] @ before.up_optical
+        axis = before.rotation @ (SKEW @ rotated.ravel())
+        nodded2, tilt2 = (
+            float(axis[:2] @ axis[:2]) / 4.0,
+            float(before.covariance[0, 0] + before.covariance[1, 1]) / 2.0,
+        )
+        sigma_rad = math.sqrt(angle2 + about * span_s**2 + nodded2 * tilt2)  # of a nod, a wrong tilt makes yaw
+        turn = GyroRotation(rotated, _turned_rad(before.rotation, self.rotation), sigma_rad)
+        self._hold(span_s)
+        return turn
 
-def inertial_displaced(state: InertialState, arm_optical_m: Array) -> tuple[Array, Array]:
-    """Displacement (2,), m, of the base over the last step, forward and left of where it was, and its covariance
-    (2, 2): the velocity that odometry measured before, and what the accelerometer added. arm_optical_m: as of
-    `inertial_moved`.
-    """
-    before = state.before or state
-    span_s = state.stamp_s - before.stamp_s
-    x, y = before.heading.tolist()
-    axes = np.array([[x, y, 0.0], [-y, x, 0.0]])
-    arm = (state.rotation - before.rotation) @ arm_optical_m[1]
-    covariance = (before.covariance + state.covariance)[_States.VELOCITY, _States.VELOCITY] / 2.0
-    moved = axes @ ((state.velocity + before.velocity) / 2.0 * span_s - arm)
-    return moved, axes @ covariance @ axes.T * span_s**2
+    def _hold(self, span_s: float) -> None:
+        """Bounds velocities that no odometry measures. At rest the velocity is zero and the mean rate is the bias;
+        about the vertical only without odometry, which distinguishes a slow turn from rest."""
+        noise, selected = self._noise, _IDENTITY[_Rows.VELOCITY]
+        if self.calm is None:
+            self._correct(selected, -self.velocity, noise.speed**2 * max(1.0 / span_s, 1.0) * np.eye(3))
+        if self.rest_s < noise.rest_window_s:
+            return
+        self._correct(selected, -self.velocity, noise.resting**2 * np.eye(3))
+        rate = self.recent.gyro_rad_s.mean(axis=0)
+        # The window's mean is nearly the same one frame later: each counts for its share of a second.
+        variance = noise.resting**2 / len(self.recent) / span_s * np.eye(3)
+        self._correct(_IDENTITY[_Rows.BIAS], rate - self.bias, variance, vertical=self.calm is None)
 
+    def _correct(
+        self, selected: Array, residual: Array, variance: Array, *, vertical: bool = False, robust: bool = False
+    ) -> None:
+        """Kalman update in Joseph's form. vertical: whether it measures the gyro's bias about the vertical. Gravity
+        does not, so its gain there is zero: a wrong assumption of the velocity would make it worse than the estimate at
+        rest. robust: the variance of a measurement with a larger residual than it states is inflated."""
+        cross = self.covariance @ selected.T
+        expected = selected @ cross + variance
+        information = np.linalg.inv(expected)
+        gain = cross @ information
+        if robust and (excess := float(residual @ information @ residual) / len(residual)) > 1.0:
+            variance, gain = variance + (excess - 1.0) * expected, gain / excess
+        if not vertical:
+            up = self.up_optical
+            gain[_Rows.BIAS] -= up[:, None] * (up @ gain[_Rows.BIAS])
+        change = gain @ residual
+        left = _IDENTITY - gain @ selected
+        self.rotation = small_rotation(*change[_Rows.TILT].tolist()) @ self.rotation
+        self.bias = self.bias + change[_Rows.BIAS]
+        self.velocity = self.velocity + change[_Rows.VELOCITY]
+        self.offset = self.offset + change[_Rows.OFFSET]
+        self.covariance = left @ self.covariance @ left.T + gain @ variance @ gain.T
 
-def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array) -> InertialState:
-    """Update with the constraint that the camera nods about its mount.
+    def _integrated(self, samples: ImuSamples, until_s: float) -> tuple[Array, Array, Array, float]:
+        """Rotation (3, 3) and velocity (3,) gained in the optical frame of the estimate's stamp; the lengths of holes
+        (H,), s; the variance of the angle in them for rates that walk by 1 rad/s in a root of a second, s^3.
 
-    up_optical: (3,) on the level robot. sigmas_rad: (2,) of the nods, about the world's axes.
-    """
-    off = state.rotation @ up_optical
-    selected = _IDENTITY[_States.TILT][:2]
-    variance = np.diag(np.square(sigmas_rad))
-    return _corrected(state, selected, np.array([off[1], -off[0]]), variance, learns_vertical_bias=False)
+        Trapezoids between samples; the last rate and force are held up to `until_s`.
+        """
+        stamps = np.concatenate([[self.stamp_s], samples.stamps_s, [until_s]])
+        spans = np.maximum(stamps[1:] - stamps[:-1], 0.0)
+        before, last = (self.recent, -1) if len(self.recent) else (samples, 0)
+        rates = np.concatenate([before.gyro_rad_s[last, None], samples.gyro_rad_s, samples.gyro_rad_s[-1:]])
+        forces = np.concatenate([before.accel_m_s2[last, None], samples.accel_m_s2, samples.accel_m_s2[-1:]])
+        rates = (rates[:-1] + rates[1:]) / 2.0 - self.bias
+        gains = ((forces[:-1] + forces[1:]) / 2.0 - self.offset) * spans[:, None]
+        rotations, reach = rotation_of(rates * spans[:, None]), 1
+        while reach < len(rotations):  # each becomes the product of all up to it
+            rotations[reach:] = rotations[:-reach] @ rotations[reach:]
+            reach *= 2
+        adjacent = gains.copy()  # of the spans before and after each rotation
+        adjacent[:-1] += gains[1:]
+        gained = (gains[0] + np.einsum("nij,nj->i", rotations, adjacent)) / 2.0
+        held_s = max(self.stamp_s - float(before.stamps_s[last]), 0.0) if len(self.recent) else 0.0
+        holes = spans > self._noise.gap_s
+        holes[0] |= held_s + spans[0] > self._noise.gap_s
+        unseen_s3 = spans**3 / 12.0  # a Brownian bridge between the rates at both ends
+        unseen_s3[0] += held_s * spans[0] ** 2 / 4.0  # the rate before the estimate's stamp stands for the one there
+        unseen_s3[-1] = spans[-1] ** 3 / 3.0  # no rate is measured at this end
+        return rotations[-1], gained, spans[holes], float(unseen_s3[holes].sum())
 
-
-def inertial_remounted(state: InertialState, before: Array, after: Array) -> InertialState:
-    """Replaces the up direction (3,) that earlier mount updates used by another one (optical frame): the measured force
-    stays, so the tilt and the accelerometer's offset change by the same angle.
-    """
-    turned = state.rotation @ small_rotation(*np.cross(after, before).tolist())
-    offset = state.offset + GRAVITY_M_S2 * (state.rotation[2] - turned[2])
-    return replace(state, rotation=turned, offset=offset)
-
-
-def inertial_step(
-    state: InertialState, samples: ImuSamples, until_s: float, noise: InertialNoise
-) -> tuple[InertialState, GyroRotation]:
-    """Integrates the samples (one or more) up to a stamp. Returns the state there and the rotation since the old
-    state's stamp.
-    """
-    span_s = until_s - state.stamp_s
-    rotated, gained, holes_s, unseen_s3 = _integrated(state, samples, until_s, noise)
-    before, force = state.rotation, state.rotation @ gained
-    x, y, z = force.tolist()
-    transition = _IDENTITY.copy()
-    transition[_States.TILT, _States.BIAS] = transition[_States.VELOCITY, _States.OFFSET] = -span_s * before
-    # The heading moves no velocity that a heading-free frame could know.
-    transition[_States.VELOCITY, _States.TILT] = [[0.0, z, 0.0], [-z, 0.0, 0.0], [y, -x, 0.0]]
-    angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated)
-    angle2 += noise.hole**2 * unseen_s3
-    gained2 = noise.accel**2 * span_s + (GRAVITY_M_S2 / 2.0 * float(holes_s.sum())) ** 2
-    covariance = transition @ state.covariance @ transition.T
-    covariance[_DIAGONAL] += [angle2] * 3 + [noise.bias_walk**2 * span_s] * 3 + [gained2] * 3 + [0.0] * 3
-    recent = ImuSamples.joined([state.recent, samples]).between(until_s - noise.rest_window_s, until_s)
-    predicted = InertialState(
-        before @ rotated,
-        state.bias,
-        state.velocity + force - [0.0, 0.0, GRAVITY_M_S2 * span_s],
-        state.offset,
-        covariance,
-        until_s,
-        recent,
-        state.rest_s + span_s if state.calm is not False and _at_rest(state, recent, noise) else 0.0,
-        replace(state, before=None),
-        state.calm,
-    )
-    about = state.up_optical @ state.covariance[_States.BIAS, _States.BIAS] @ state.up_optical
-    axis = before @ (SKEW @ rotated.ravel())
-    nodded2, tilt2 = float(axis[:2] @ axis[:2]) / 4.0, float(state.covariance[0, 0] + state.covariance[1, 1]) / 2.0
-    sigma_rad = math.sqrt(angle2 + about * span_s**2 + nodded2 * tilt2)  # of a nod, a wrong tilt makes yaw
-    rotation = GyroRotation(rotated, _turned_rad(before, predicted.rotation), sigma_rad)
-    return _held(predicted, span_s, noise), rotation
+    def _at_rest(self, recent: ImuSamples) -> bool:
+        """Whether the last moments show neither shaking nor a rate that the bias could not be."""
+        if len(recent) < 5 or recent.stamps_s[-1] - recent.stamps_s[0] < 0.6 * self._noise.rest_window_s:
+            return False
+        unlike = np.abs(recent.gyro_rad_s.mean(axis=0) - self.bias)
+        # An IMU may be poorer than a BMI055: EuRoC's gyro has 4.5 deg/s of bias before it rests.
+        likely = 5.0 * np.sqrt(np.diag(self.covariance)[_Rows.BIAS]) + 0.003
+        return bool(recent.gyro_rad_s.std(axis=0).max() < self._noise.resting and (unlike < likely).all())
 
 
 def _turned_rad(before: Array, after: Array) -> float:
     """Change of the optical axis's heading between two rotations (3, 3) into the z-up frame, counter-clockwise."""
     (x, y), (u, v) = before[:2, 2].tolist(), after[:2, 2].tolist()
     return math.atan2(x * v - y * u, x * u + y * v)
-
-
-def _held(state: InertialState, span_s: float, noise: InertialNoise) -> InertialState:
-    """Bounds velocities that no odometry measures. At rest the velocity is zero and the mean rate is the bias; about
-    the vertical only without odometry, which distinguishes a slow turn from rest."""
-    selected = _IDENTITY[_States.VELOCITY]
-    if state.calm is None:
-        variance = noise.speed**2 * max(1.0 / span_s, 1.0) * np.eye(3)
-        state = _corrected(state, selected, -state.velocity, variance, learns_vertical_bias=False)
-    if state.rest_s < noise.rest_window_s:
-        return state
-    state = _corrected(state, selected, -state.velocity, noise.resting**2 * np.eye(3), learns_vertical_bias=False)
-    rate = state.recent.gyro_rad_s.mean(axis=0)
-    # The window's mean is nearly the same one frame later: each counts for its share of a second.
-    variance = noise.resting**2 / len(state.recent) / span_s * np.eye(3)
-    vertical = state.calm is None
-    return _corrected(state, _IDENTITY[_States.BIAS], rate - state.bias, variance, learns_vertical_bias=vertical)
-
-
-def _corrected(
-    state: InertialState,
-    selected: Array,
-    residual: Array,
-    variance: Array,
-    *,
-    learns_vertical_bias: bool,
-    robust: bool = False,
-) -> InertialState:
-    """Kalman update in Joseph's form. Gravity does not measure the bias about the vertical, so its gain there is zero:
-    a wrong assumption of the velocity would make it worse than the estimate at rest. robust: the variance of a
-    measurement with a larger residual than it states is inflated."""
-    cross = state.covariance @ selected.T
-    expected = selected @ cross + variance
-    information = np.linalg.inv(expected)
-    gain = cross @ information
-    if robust and (excess := float(residual @ information @ residual) / len(residual)) > 1.0:
-        variance, gain = variance + (excess - 1.0) * expected, gain / excess
-    if not learns_vertical_bias:
-        up = state.up_optical
-        gain[_States.BIAS] -= up[:, None] * (up @ gain[_States.BIAS])
-    change = gain @ residual
-    left = _IDENTITY - gain @ selected
-    return replace(
-        state,
-        rotation=small_rotation(*change[_States.TILT].tolist()) @ state.rotation,
-        bias=state.bias + change[_States.BIAS],
-        velocity=state.velocity + change[_States.VELOCITY],
-        offset=state.offset + change[_States.OFFSET],
-        covariance=left @ state.covariance @ left.T + gain @ variance @ gain.T,
-    )
 
 
 def small_rotation(x: float, y: float, z: float) -> Array:
@@ -303,47 +303,6 @@ def small_rotation(x: float, y: float, z: float) -> Array:
             [r * x * z - s * y, r * y * z + s * x, 1.0 - r * (x * x + y * y)],
         ]
     )
-
-
-def _integrated(
-    state: InertialState, samples: ImuSamples, until_s: float, noise: InertialNoise
-) -> tuple[Array, Array, Array, float]:
-    """Rotation (3, 3) and velocity (3,) gained in the optical frame of the state's stamp; the lengths of holes (H,), s;
-    the variance of the angle in them for rates that walk by 1 rad/s in a root of a second, s^3.
-
-    Trapezoids between samples; the last rate and force are held up to `until_s`.
-    """
-    stamps = np.concatenate([[state.stamp_s], samples.stamps_s, [until_s]])
-    spans = np.maximum(stamps[1:] - stamps[:-1], 0.0)
-    before, last = (state.recent, -1) if len(state.recent) else (samples, 0)
-    rates = np.concatenate([before.gyro_rad_s[last, None], samples.gyro_rad_s, samples.gyro_rad_s[-1:]])
-    forces = np.concatenate([before.accel_m_s2[last, None], samples.accel_m_s2, samples.accel_m_s2[-1:]])
-    rates = (rates[:-1] + rates[1:]) / 2.0 - state.bias
-    gains = ((forces[:-1] + forces[1:]) / 2.0 - state.offset) * spans[:, None]
-    rotations, reach = rotation_of(rates * spans[:, None]), 1
-    while reach < len(rotations):  # each becomes the product of all up to it
-        rotations[reach:] = rotations[:-reach] @ rotations[reach:]
-        reach *= 2
-    adjacent = gains.copy()  # of the spans before and after each rotation
-    adjacent[:-1] += gains[1:]
-    gained = (gains[0] + np.einsum("nij,nj->i", rotations, adjacent)) / 2.0
-    held_s = max(state.stamp_s - float(before.stamps_s[last]), 0.0) if len(state.recent) else 0.0
-    holes = spans > noise.gap_s
-    holes[0] |= held_s + spans[0] > noise.gap_s
-    unseen_s3 = spans**3 / 12.0  # a Brownian bridge between the rates at both ends
-    unseen_s3[0] += held_s * spans[0] ** 2 / 4.0  # the rate before the state's stamp stands for the one there
-    unseen_s3[-1] = spans[-1] ** 3 / 3.0  # no rate is measured at this end
-    return rotations[-1], gained, spans[holes], float(unseen_s3[holes].sum())
-
-
-def _at_rest(state: InertialState, recent: ImuSamples, noise: InertialNoise) -> bool:
-    """Whether the last moments show neither shaking nor a rate that the bias could not be."""
-    if len(recent) < 5 or recent.stamps_s[-1] - recent.stamps_s[0] < 0.6 * noise.rest_window_s:
-        return False
-    unlike = np.abs(recent.gyro_rad_s.mean(axis=0) - state.bias)
-    # An IMU may be poorer than a BMI055: EuRoC's gyro has 4.5 deg/s of bias before it rests.
-    likely = 5.0 * np.sqrt(np.diag(state.covariance)[_States.BIAS]) + 0.003
-    return bool(recent.gyro_rad_s.std(axis=0).max() < noise.resting and (unlike < likely).all())
 
 
 def rotation_of(vectors: Array) -> Array:

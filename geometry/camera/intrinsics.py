@@ -21,17 +21,12 @@ DISTORTION_MODELS = {
 }  # fmt: skip
 # What other programs call them (ROS, OpenCV, Kalibr, COLMAP), in small letters and digits alone.
 OTHER_NAMES = {
-    name: model
-    for model, names in {
-        "none": ("", "none", "pinhole"),
-        "brown_conrady": ("plumbbob", "radtan", "radialtangential", "brownconrady", "opencv"),
-        "rational": ("rationalpolynomial", "rational", "fullopencv"),
-        "equidistant": (
-            "equidistant", "equi", "fisheye", "opencvfisheye", "kannalabrandt", "kannalabrandt4", "kannalabrandt8",
-        ),
-    }.items()
-    for name in names
-}  # fmt: skip
+    **dict.fromkeys(("", "none", "pinhole"), "none"),
+    **dict.fromkeys(("plumbbob", "radtan", "radialtangential", "brownconrady", "opencv"), "brown_conrady"),
+    **dict.fromkeys(("rationalpolynomial", "rational", "fullopencv"), "rational"),
+    **dict.fromkeys(("equidistant", "equi", "fisheye", "opencvfisheye"), "equidistant"),
+    **dict.fromkeys(("kannalabrandt", "kannalabrandt4", "kannalabrandt8"), "equidistant"),
+}
 STEEPEST_RAD = math.radians(89.0)  # between a ray and the optical axis: points at unit depth end at 90
 
 
@@ -138,17 +133,16 @@ def _invert(function: Callable[[Array], Array], targets: Array) -> Array:
             break
         dx = (function(points + [h, 0.0]) - function(points - [h, 0.0])) / (2 * h)
         dy = (function(points + [0.0, h]) - function(points - [0.0, h])) / (2 * h)
-        determinant = dx[:, 0] * dy[:, 1] - dx[:, 1] * dy[:, 0]
+        determinant = _cross(dx, dy)
         determinant = np.where(np.abs(determinant) < 1e-9, 1e-9, determinant)
-        step = np.stack(
-            [
-                (residual[:, 0] * dy[:, 1] - residual[:, 1] * dy[:, 0]) / determinant,
-                (residual[:, 1] * dx[:, 0] - residual[:, 0] * dx[:, 1]) / determinant,
-            ],
-            axis=1,
-        )
+        step = np.column_stack([_cross(residual, dy), _cross(dx, residual)]) / determinant[:, None]
         points = points - np.clip(step, -0.5, 0.5)
     return points
+
+
+def _cross(one: Array, other: Array) -> Array:
+    """Cross products of vectors (N, 2)."""
+    return one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,13 +162,10 @@ class Intrinsics:
     distortion: Distortion = field(default_factory=Distortion)
 
     def __post_init__(self) -> None:
-        for name in ("width", "height", "fx", "fy"):
-            value = getattr(self, name)
-            if not math.isfinite(value) or value <= 0:
-                raise GeometryError(f"intrinsics: {name} is {value}, must be a positive number of pixels")
-        for name in ("cx", "cy"):
-            if not math.isfinite(getattr(self, name)):
-                raise GeometryError(f"intrinsics: {name} is {getattr(self, name)}, must be a finite number of pixels")
+        for name in ("width", "height", "fx", "fy", "cx", "cy"):
+            value, kind = getattr(self, name), "finite" if name in ("cx", "cy") else "positive"
+            if not math.isfinite(value) or (kind == "positive" and value <= 0):
+                raise GeometryError(f"intrinsics: {name} is {value}, must be a {kind} number of pixels")
 
     @property
     def off_picture(self) -> bool:

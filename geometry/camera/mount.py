@@ -112,3 +112,15 @@ def rotation_base_optical(pitch_rad: float, roll_rad: float) -> Array:
     rotation = pitch @ roll @ BASE_OPTICAL
     rotation.setflags(write=False)
     return rotation
+
+
+def up_optical(pitch_rad: float, roll_rad: float) -> Array:
+    """Up direction, unit vector (3,), in the optical frame of a camera with this pitch (positive down) and roll."""
+    return rotation_base_optical(pitch_rad, roll_rad)[2]
+
+
+def pitch_roll(up: Array) -> tuple[float, float]:
+    """Pitch (positive down) and roll, rad, of a camera, from the up direction (3,), of any length, in its optical
+    frame."""
+    right, down, forward = up.tolist()
+    return math.atan2(-forward, math.hypot(right, down)), math.atan2(-right, -down)

@@ -1,11 +1,11 @@
 """Up direction and room heading from straight edges: verticals and two level directions at right angles."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.attitude import RoomAxes
 from edgemap.geometry.camera.inertial import SKEW, small_rotation
 from edgemap.geometry.robust import tukey
 
@@ -22,17 +22,6 @@ LEVEL_LENGTH_RAD = 1.5  # of level edges that show the room's direction; fewer m
 DIRECTION_SIGMA_RAD, LEVEL_SIGMA_RAD3 = math.radians(0.4), math.radians(6.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RoomAxes:
-    """up: (3,), unit vector of the optical frame. level_rad: from the optical axis's heading to a level direction of
-    the room, counter-clockwise, modulo a right angle; None where too few level edges show it. level_sigma_rad: its
-    standard deviation."""
-
-    up: Array
-    level_rad: float | None
-    level_sigma_rad: float
-
-
 def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> RoomAxes | None:
     """A room's axes from its edges, up near an expected direction; None where too few edges agree.
 
@@ -42,7 +31,10 @@ def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float)
     """
     if len(lengths) < FEWEST:
         return None
-    directions = _directions(normals, lengths, most_upright(normals, lengths, expected, reach_rad))
+    up = most_upright(normals, lengths, expected, reach_rad)
+    (right, away), heading = level_axes(up), room_heading(normals, lengths, up)
+    first = math.cos(heading) * right + math.sin(heading) * away
+    directions = np.stack([up, first, np.cross(up, first)])
     each, explained = np.arange(len(lengths)), 0.0
     upright = level = lengths > 0.0
     weight = np.minimum(lengths / REFERENCE_RAD, 2.0) / SIGMA_RAD**2
@@ -65,7 +57,7 @@ def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float)
     level_rad = math.atan2(-float(directions[1] @ right), float(directions[1] @ away))
     seen_rad = max(float(lengths[level].sum()), 1e-3)
     sigma_rad = DIRECTION_SIGMA_RAD + LEVEL_SIGMA_RAD3 / seen_rad**2
-    return RoomAxes(directions[0], level_rad if seen_rad > LEVEL_LENGTH_RAD else None, sigma_rad)
+    return RoomAxes(level_rad if seen_rad > LEVEL_LENGTH_RAD else None, sigma_rad, directions[0])
 
 
 def most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> Array:
@@ -82,14 +74,6 @@ def most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: flo
     support = lengths @ near
     likely = np.exp(-1.5 * (a**2 + b**2) / reach_rad**2)
     return tried[int((support * likely).argmax())]
-
-
-def _directions(normals: Array, lengths: Array, up: Array) -> Array:
-    """Up and the two level directions that most other edges lie along, rows of (3, 3)."""
-    right, away = level_axes(up)
-    heading = room_heading(normals, lengths, up)
-    first = math.cos(heading) * right + math.sin(heading) * away
-    return np.stack([up, first, np.cross(up, first)])
 
 
 def room_heading(normals: Array, lengths: Array, up: Array) -> float:

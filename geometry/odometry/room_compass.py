@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import RoomHeading
+from edgemap.geometry.camera.attitude import RoomAxes
 from edgemap.geometry.robust import CLEAR_SIGMAS, ROUNDS
 
 Prior = tuple[Array, Array]  # of two values, as an information matrix (2, 2), rad^-2, and its product with them
@@ -109,10 +109,10 @@ class RoomCompass:
         now = Heading(stamp_s, last.yaw_rad + yaw_rad, last.variance_rad2 + drift_rad2)
         return replace(self, past=(*self.past[1 - VIEWS :], now))
 
-    def observe(self, room: RoomHeading) -> "RoomCompass":
+    def observe(self, room: RoomAxes) -> "RoomCompass":
         """Update with a view of the room in one of the latest steps."""
         at = next((item for item in reversed(self.past) if item.stamp_s <= room.stamp_s), None)
-        if at is None:
+        if at is None or room.level_rad is None:
             return self
         direction_rad, variance_rad2 = at.yaw_rad + room.level_rad, room.sigma_rad**2 + self.rule.view_rad**2
         if not self.views:

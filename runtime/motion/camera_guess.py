@@ -46,18 +46,17 @@ class CameraGuess:
         focal, height, pitch = self.how
         above = f" +- {100 * self.height_sigma:.0f} %" if self.height_sigma else ""
         pitch_deg, roll_deg = math.degrees(mount.pitch_rad), math.degrees(mount.roll_rad)
-        sway = f"the camera sways by {math.degrees(self.sway_rad):.0f} deg from picture to picture: it is carried"
-        return [
+        lines = [
             f"focal length {lens.fx:.0f} +- {100 * self.focal_sigma:.0f} % px ({focal})",
             f"lens {mount.height_m:.2f} m{above} above the floor ({height})",
             f"pitch {pitch_deg:.1f} +- {math.degrees(self.pitch_sigma_rad):.1f} deg, roll {roll_deg:.1f} deg ({pitch})",
-            *([f"{sway}; pitch and height are not constant"] if self.sway_rad else []),
-            *(
-                [f"the pictures are not upright: turn them by {TURNS[self.quarter_turns]}"]
-                if self.quarter_turns
-                else []
-            ),
         ]
+        if self.sway_rad:
+            sway = f"the camera sways by {math.degrees(self.sway_rad):.0f} deg from picture to picture: it is carried"
+            lines.append(f"{sway}; pitch and height are not constant")
+        if self.quarter_turns:
+            lines.append(f"the pictures are not upright: turn them by {TURNS[self.quarter_turns]}")
+        return lines
 
     def scale_sigma(self, odometry: str) -> float:
         """Standard deviation, as a share, of a height that a run corrects together with all lengths. 0 for a configured
@@ -92,13 +91,10 @@ class CameraGuess:
         if calibration.get("method") != "guessed":
             return None
         record = convert(calibration, _Record, f"{where}: calibration", CameraError, strict=False)
-        stated_names = {*calibration, *stated}
-        focal = 0.0 if "intrinsics" in stated_names else record.focal_sigma_share
-        height, pitch, sway = record.height_sigma_share, record.sigma_pitch_deg, record.sway_deg
-        if "mount" in stated_names:
-            height = pitch = sway = 0.0
-        height = 0.0 if "height" in stated_names else height
-        pitch = 0.0 if "tilt" in calibration else pitch
+        known, tilted = {*calibration, *stated}, "tilt" in calibration
+        focal = 0.0 if "intrinsics" in known else record.focal_sigma_share
+        height = 0.0 if known & {"mount", "height"} else record.height_sigma_share
+        pitch, sway = (0.0, 0.0) if "mount" in known else (record.sigma_pitch_deg * (not tilted), record.sway_deg)
         if not focal and not height and not pitch:
             return None
         how = (f"as in {where}",) * 3

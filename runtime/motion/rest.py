@@ -43,19 +43,20 @@ class RestRule:
     braking_m_s2: float = 3.0
 
 
-@dataclass(frozen=True, eq=False)
 class _Reference:
-    """The first of unchanged pictures. centred: without its mean."""
+    """The first of unchanged pictures, and what was measured since.
 
-    stamp_s: float
-    picture: Array
-    centred: Array
-    variance: float
+    step_s: the step that ended at it. centred: the picture without its mean. since_s: stamp from which on the robot may
+    stand. frozen: whether it cannot have stopped here. turned_rad, sigma_rad: by the gyro since, and its standard
+    deviation.
+    """
 
-    @classmethod
-    def of(cls, picture: Array, stamp_s: float) -> "_Reference":
-        centred = picture - picture.mean()
-        return cls(stamp_s, picture, centred, float((centred**2).mean()))
+    def __init__(self, picture: Array, stamp_s: float, step_s: float) -> None:
+        self.picture, self.stamp_s, self.step_s = picture, stamp_s, step_s
+        self.centred = picture - picture.mean()
+        self.variance = float((self.centred**2).mean())
+        self.since_s, self.frozen = stamp_s, False
+        self.turned_rad = self.sigma_rad = 0.0
 
     @cached_property
     def slopes(self) -> tuple[Array, Array]:
@@ -68,25 +69,15 @@ class _Reference:
         """Mean squares of the gradients, (2, tiles)."""
         return np.stack([_tiles(slope**2, LARGE_PX) for slope in self.slopes])
 
-    def textured(self, texture: float) -> float:
-        """Share of the tiles that show a shift."""
-        return float((self.energy.min(axis=0) > texture).mean())
-
 
 class RestMonitor:
-    """Compares every picture with the first one that matched it, so that even slow motion is detected. frozen_since_s:
-    stamp of that first one where the robot cannot have stopped there, else None.
-    """
+    """Compares every picture with the first one that matched it, so that even slow motion is detected."""
 
     def __init__(self, rule: RestRule | None = None, health: HealthRule | None = None) -> None:
         self.rule, self._health = rule or RestRule(), health or HealthRule()
         self._reference: _Reference | None = None
         self._before_s = self._last_s = -math.inf  # of the last frames
-        self._step_s = math.inf  # that ended at the reference
         self._news = StreamTimer(REPEATED_S)  # of a frozen picture
-        self._turned_rad = self._turned_sigma_rad = 0.0  # by the gyro, since the reference
-        self.frozen_since_s: float | None = None
-        self._since_s = -math.inf
 
     def judge(
         self,
@@ -102,10 +93,22 @@ class RestMonitor:
         still: by wheels and gyro, None where there are none. moved: over the step before, None where it was not
         measured. turned: by the gyro since the frame before.
         """
-        at_rest = self._rests(frame, health, still, moved, turned)
-        if self.frozen_since_s is None or health.blind:
-            return at_rest, health
-        return at_rest, self._frozen(self.frozen_since_s, frame.stamp_s)
+        stamp_s = frame.stamp_s
+        self._before_s, self._last_s = self._last_s, stamp_s
+        if health.stale:
+            return False, health
+        reference, picture = self._reference, _averaged(frame.image)
+        if reference is None or health.blind or _moved(reference, picture, self.rule, self._health.moved):
+            self._reference = _Reference(picture, stamp_s, stamp_s - self._before_s)
+            return False, health
+        if still is not True and not reference.frozen:
+            reference.frozen = self._must_move(stamp_s, reference, moved, turned)
+        if reference.frozen:
+            return False, self._frozen(reference.stamp_s, stamp_s)
+        if still is False:
+            reference.since_s = stamp_s
+        lasts = stamp_s - reference.since_s >= self._health.lasts_s
+        return still is True or (still is None and lasts and self._textured(reference)), health
 
     def _frozen(self, since_s: float, stamp_s: float) -> PictureHealth:
         """Frozen health for a good picture that has not changed since a stamp, except for noise, though the robot must
@@ -113,58 +116,25 @@ class RestMonitor:
         lasts = stamp_s - since_s >= self._health.lasts_s
         text = f"blind: picture frozen (shows the same since {since_s:.3f} s, but for noise, as the robot moves)"
         blindness = Fault(FaultKind.FROZEN if lasts else FaultKind.REPEATED, text)
-        news = lasts and self._news.due(stamp_s)
-        return PictureHealth(blindness, blindness if news else None)
-
-    def _rests(
-        self,
-        frame: Frame,
-        health: PictureHealth,
-        still: bool | None,
-        moved: Moved | None,
-        turned: GyroRotation | None,
-    ) -> bool:
-        self._before_s, self._last_s = self._last_s, frame.stamp_s
-        if health.stale:
-            return False
-        reference, picture = self._reference, _averaged(frame.image)
-        if reference is None or health.blind or _moved(reference, picture, self.rule, self._health.moved):
-            self._reference = _Reference.of(picture, frame.stamp_s)
-            self._step_s, self.frozen_since_s = frame.stamp_s - self._before_s, None
-            self._turned_rad = self._turned_sigma_rad = 0.0
-            self._since_s = frame.stamp_s
-            return False
-        if (
-            self.frozen_since_s is None
-            and still is not True
-            and self._must_move(frame.stamp_s, reference, moved, turned)
-        ):
-            self.frozen_since_s = reference.stamp_s
-        if still is False or self.frozen_since_s is not None:
-            self._since_s = frame.stamp_s
-            return False
-        rested_s = frame.stamp_s - self._since_s
-        if still is None and not self._textured(reference):
-            return False
-        return still is True or rested_s >= self._health.lasts_s
+        return PictureHealth(blindness, blindness if lasts and self._news.due(stamp_s) else None)
 
     def _must_move(
         self, stamp_s: float, reference: _Reference, moved: Moved | None, turned: GyroRotation | None
     ) -> bool:
         """Whether the robot moves in spite of an unchanged picture: by the gyro, or because it stopped too fast."""
         if turned is not None and turned.proved:  # samples that come late turn while the picture rests
-            self._turned_rad += turned.yaw_rad
-            self._turned_sigma_rad += turned.sigma_rad  # its bias errs in every step alike
-        must = abs(self._turned_rad) > STILL + CLEAR_SIGMAS * self._turned_sigma_rad
+            reference.turned_rad += turned.yaw_rad
+            reference.sigma_rad += turned.sigma_rad  # its bias errs in every step alike
+        must = abs(reference.turned_rad) > STILL + CLEAR_SIGMAS * reference.sigma_rad
         if moved is not None and reference.stamp_s == self._before_s:
             (x_m, y_m, _), sigma_m = moved[0].vector(), math.sqrt(float(np.trace(moved[1][:2, :2])))
-            speed_m_s = (math.hypot(x_m, y_m) - sigma_m) / self._step_s
+            speed_m_s = (math.hypot(x_m, y_m) - sigma_m) / reference.step_s
             must |= speed_m_s > self.rule.braking_m_s2 * (stamp_s - reference.stamp_s)
         return must and self._textured(reference)
 
     def _textured(self, reference: _Reference) -> bool:
         """Whether enough of the picture shows a shift."""
-        return reference.textured(self.rule.texture) >= self._health.part_share
+        return float((reference.energy.min(axis=0) > self.rule.texture).mean()) >= self._health.part_share
 
 
 def _averaged(image: NDArray[np.uint8]) -> Array:

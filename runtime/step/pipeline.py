@@ -4,8 +4,6 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
@@ -16,7 +14,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch
-from edgemap.runtime.motion.attitude.source import AttitudeSource, MountAttitude, Moved
+from edgemap.runtime.motion.attitude.source import AttitudeSource, Moved
 from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.health import HealthMonitor, PictureHealth
 from edgemap.runtime.motion.height_check import HeightCheck
@@ -66,7 +64,7 @@ class Pipeline:
     ) -> None:
         config = config or Config()
         self.camera, self.odometry, self.rule = camera, odometry, config.floor
-        self.attitude = attitude or MountAttitude(camera.mount)
+        self.attitude = attitude or AttitudeSource.of_mount(camera.mount)
         self.evidence = bundle.evidence(mapped, confidence)
         sensing = fitted = bundle.companion or bundle
         if not odometry.needs_features:  # of the whole input
@@ -116,7 +114,7 @@ class Pipeline:
         outputs = self._sense(frame) if sensed else {}
         motion = motion or self._motion_by_picture(frame, outputs, attitude, health)
         with stage("attitude"):
-            camera = self.camera.at(attitude_after(self.attitude, attitude, motion))
+            camera = self.camera.at(self.attitude.update(motion.rotation))
         depth = SparseDepth.of(frame.depth) if sensed and frame.depth is not None else None
         observed = FrameObservations(
             index=frame.index,
@@ -220,17 +218,3 @@ class Pipeline:
                 f"frame {frame.index} {frame.name} is {width}x{height} px, "
                 f"the intrinsics are for {expected.width}x{expected.height}"
             )
-
-
-def attitude_after(source: AttitudeSource, attitude: Attitude, motion: Motion) -> Attitude:
-    """The attitude of a frame after its motion: the odometry's tilt in place of a predicted one, and of a measured one
-    where its covariance is smaller. source: of `attitude`; it keeps its own estimate.
-    """
-    rotation, updated = motion.rotation, source.update(motion.rotation)
-    if attitude.predicted:
-        return updated
-    limit_rad = math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)
-    if rotation is not None and rotation.up is not None and rotation.up_rad < limit_rad:
-        tracked = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, attitude.source)
-        attitude = attitude.held_to(replace(tracked, height_m=attitude.height_m))
-    return attitude

@@ -9,8 +9,7 @@ from support.depth_room import LENS, depth_room
 from edgemap.calibrate.floor_depth import fit_floor_depth, gravity
 from edgemap.geometry.camera.floor_plane import find_floor
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, up_optical
 from edgemap.runtime.frames.errors import CalibrationError
 
 MOUNT = Mount.from_degrees(0.62, 17.0, 2.0)

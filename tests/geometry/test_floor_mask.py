@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from edgemap.geometry.camera.depth_camera import DepthCamera, DepthRegistration
+from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.depth_points import patch_depths
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
@@ -108,7 +108,7 @@ def plane_by_the_depth_camera(camera):
     ids=["wider", "finer", "distorted"],
 )
 def test_a_plane_has_the_depth_that_the_picture_sees(lens):
-    registered = DepthRegistration(BESIDE, lens).registered(plane_by_the_depth_camera(BESIDE))
+    registered = BESIDE.registered(plane_by_the_depth_camera(BESIDE), lens)
     assert registered.shape == (lens.height, lens.width)
     expected = (AWAY_M / (lens.rays(pixels_of(lens)) @ NORMAL)).reshape(lens.height, lens.width)
     middle = (slice(lens.height // 4, -lens.height // 4), slice(lens.width // 4, -lens.width // 4))
@@ -123,7 +123,7 @@ def test_the_nearer_of_two_hides_the_other_and_holes_stay_holes():
     depth = np.full((60, 80), 3.0, dtype=np.float32)
     depth[:, 40:] = 1.0
     depth[:5] = 0.0
-    registered = DepthRegistration(DepthCamera(lens, position_m=np.array([0.3, 0.0, 0.0])), lens).registered(depth)
+    registered = DepthCamera(lens, position_m=np.array([0.3, 0.0, 0.0])).registered(depth, lens)
     shift = {1.0: 22, 3.0: 7}  # px, 73 * 0.3 m / depth
     np.testing.assert_array_equal(registered[10, 40 + shift[1.0] :], 1.0)
     np.testing.assert_array_equal(registered[10, shift[3.0] + 1 : 40 + shift[3.0]], 3.0)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from edgemap.geometry.camera.inertial import small_rotation
-from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, up_optical
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule, _without, heading_slope
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors

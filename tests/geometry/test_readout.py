@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, up_optical
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule
 from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import LensPose

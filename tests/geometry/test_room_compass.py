@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from edgemap.geometry.camera.attitude import RoomHeading
+from edgemap.geometry.camera.attitude import RoomAxes
 from edgemap.geometry.camera.room_edges import level_axes, room_heading
 from edgemap.geometry.odometry.room_compass import VIEWS, CompassRule, RoomCompass
 from edgemap.geometry.se2 import wrap_angle
@@ -13,6 +13,7 @@ from edgemap.geometry.se2 import wrap_angle
 STEP_S, SPAN = 0.1, 600
 YAWS = 0.6 * np.sin(np.arange(SPAN) * STEP_S / 3.0) + 0.02 * np.arange(SPAN)  # it looks about and turns round
 STEP_SIGMA = math.radians(0.05)
+UP = np.array([0.0, -1.0, 0.0])  # of a level camera, optical frame
 
 
 def driven(errors_rad, seen_rad, sigma_rad=STEP_SIGMA, rule=None):
@@ -25,7 +26,7 @@ def driven(errors_rad, seen_rad, sigma_rad=STEP_SIGMA, rule=None):
         compass = compass.predict(stamp_s, yaw, sigma_rad**2)
         if index % 5 == 0:
             level_rad = 0.3 - (YAWS[index - 1] - YAWS[0]) + seen_rad[index]  # of the step before, modulo a right angle
-            compass = compass.observe(RoomHeading(stamp_s - STEP_S, level_rad % (math.pi / 2.0), math.radians(0.6)))
+            compass = compass.observe(RoomAxes(level_rad % (math.pi / 2.0), math.radians(0.6), UP, stamp_s - STEP_S))
         compass, turned = compass.correct(STEP_S)
         heading += yaw + turned
         found.append(heading - (YAWS[index] - YAWS[0]))
@@ -74,9 +75,9 @@ def test_its_variance_covers_its_errors_and_stays_as_it_is_while_old_views_are_d
 
 def test_a_heading_that_is_lost_is_not_taken_for_another_right_angle():
     """After 60 unseen degrees, said to be 40 by standard deviation, the room is learnt again where it seems to be."""
-    compass = RoomCompass(CompassRule()).predict(0.0, 0.0, 0.0).observe(RoomHeading(0.0, 0.3, 0.01))
+    compass = RoomCompass(CompassRule()).predict(0.0, 0.0, 0.0).observe(RoomAxes(0.3, 0.01, UP, 0.0))
     compass = compass.predict(1.0, math.radians(60.0), math.radians(40.0) ** 2)
-    compass = compass.observe(RoomHeading(1.0, 0.3, 0.01))
+    compass = compass.observe(RoomAxes(0.3, 0.01, UP, 1.0))
     assert compass.correct(10.0)[1] == pytest.approx(0.0, abs=1e-6)
     assert len(compass.views) == 1
 
@@ -85,12 +86,9 @@ def test_its_cost_has_a_bound():
     compass = RoomCompass(CompassRule())
     for index in range(300):
         compass = compass.predict(index * STEP_S, 0.2, STEP_SIGMA**2)
-        compass = compass.observe(RoomHeading(index * STEP_S, -0.2 * index, 0.01))
+        compass = compass.observe(RoomAxes(-0.2 * index, 0.01, UP, index * STEP_S))
     assert len(compass.views) == VIEWS
     assert len(compass.past) <= VIEWS
-
-
-UP = np.array([0.0, -1.0, 0.0])  # of a level camera, optical frame
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 0.3, 45.0, 89.7])

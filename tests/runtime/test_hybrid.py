@@ -6,7 +6,7 @@ import pytest
 from support.faults import made, texts
 from support.odometry import MadeOdometry
 
-from edgemap.geometry.camera.attitude import Attitude, GyroRotation, RoomHeading
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation, RoomAxes
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
@@ -207,7 +207,7 @@ def test_its_heading_is_held_to_the_room_that_the_edges_show():
         steps = [motion(0.05, 0.01, math.radians(0.5)) for _ in range(61)]
         hybrid, heading = of(camera=steps), 0.0
         for index in range(61):
-            room = RoomHeading(index / 10.0, 0.4, math.radians(0.6)) if told and index % 5 == 0 else None
+            room = RoomAxes(0.4, math.radians(0.6), np.zeros(3), index / 10.0) if told and index % 5 == 0 else None
             attitude = Attitude(0.0, 0.0, np.eye(2), room=room)
             found = hybrid.step(replace(FRAME, index=index, stamp_s=index / 10.0), {}, FramePrior(attitude))
             heading += found.motion.yaw_rad if index else 0.0

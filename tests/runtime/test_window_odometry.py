@@ -13,19 +13,18 @@ from support.textured_floor import CAMERA, seen_by
 
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount, Platform
+from edgemap.geometry.camera.mount import Mount, Platform, up_optical
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.estimator import EstimatedAttitude
+from edgemap.runtime.motion.attitude.source import AttitudeSource
 from edgemap.runtime.motion.odometry import OdometryRules, hybrid_sources
 from edgemap.runtime.motion.odometry.corners import CornersRule, CornerTracker, spread
-from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion
+from edgemap.runtime.motion.odometry.protocol import FramePrior
 from edgemap.runtime.motion.odometry.window import WindowOdometry
-from edgemap.runtime.step.pipeline import attitude_after
 
 HEAD = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(1.5, 25.0))
 BLANK = np.full((240, 320, 3), 90, np.uint8)
@@ -91,8 +90,7 @@ def test_the_windows_tilt_takes_the_place_of_the_pictures_tilt_and_they_keep_the
     for index, (up_rad, angles) in enumerate([(0.01, (0.1, 0.05)), (0.2, (0.0, 0.0))]):
         given = source.predict(Frame(index, 0.1 * index, BLANK))
         assert given.pitch_rad == pytest.approx(CAMERA.mount.pitch_rad, abs=1e-3)
-        motion = Motion(rotation=TrackedRotation(np.eye(3), up=up, up_rad=up_rad))
-        mount = CAMERA.at(attitude_after(source, given, motion)).mount
+        mount = CAMERA.at(source.update(TrackedRotation(np.eye(3), up=up, up_rad=up_rad))).mount
         assert (mount.pitch_rad - CAMERA.mount.pitch_rad, mount.roll_rad) == pytest.approx(angles, abs=1e-3)
 
 
@@ -154,11 +152,10 @@ def test_a_camera_at_head_height_without_wheels_begins_as_a_carried_one(mount, w
 def test_an_imus_tilt_gives_way_to_one_that_the_window_knows_better():
     """It is not given back to the IMU's filter, whose attitude the window takes as a prior."""
     given = Attitude(0.1, HEAD.mount.pitch_rad + 0.1, np.eye(2) * 0.03**2, source="imu")
-    source = SimpleNamespace(update=lambda rotation: given)
+    source = AttitudeSource(lambda _: given)
     up = up_optical(HEAD.mount.pitch_rad, 0.0)
     for up_rad, pitch_rad in ((0.01, HEAD.mount.pitch_rad), (0.05, given.pitch_rad)):
-        motion = Motion(rotation=TrackedRotation(np.eye(3), up=up, up_rad=up_rad))
-        camera = HEAD.at(attitude_after(source, given, motion))
+        camera = HEAD.at(source.update(TrackedRotation(np.eye(3), up=up, up_rad=up_rad)))
         assert camera.mount.pitch_rad == pytest.approx(pitch_rad)
         assert camera.attitude.source == "imu"
 

@@ -13,8 +13,7 @@ from edgemap.cli.summary import mount_text
 from edgemap.geometry.camera.attitude import TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import pitch_roll, up_optical
-from edgemap.geometry.camera.mount import HeightEstimate, Mount, Platform
+from edgemap.geometry.camera.mount import HeightEstimate, Mount, Platform, pitch_roll, up_optical
 from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.frame import Frame
@@ -120,7 +119,7 @@ def test_the_room_lies_as_its_level_edges_do():
     found = room_axes(normals, lengths, up_optical(math.radians(9.0), 0.0), math.radians(12))
     off = (found.level_rad - math.radians(25.0) + math.pi / 4) % (math.pi / 2) - math.pi / 4  # as of `room_edges`
     assert abs(off) < math.radians(0.7)
-    assert math.radians(0.4) < found.level_sigma_rad < math.radians(3.1)
+    assert math.radians(0.4) < found.sigma_rad < math.radians(3.1)
     few = np.arange(24) < 14  # upright edges, and two level ones
     assert room_axes(normals[:24][few], lengths[:24][few], found.up, math.radians(6)).level_rad is None
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from edgemap.geometry.camera.level import up_optical
+from edgemap.geometry.camera.mount import up_optical
 
 
 def room_edges(pitch_deg, roll_deg, rng, count=12, outliers=8):

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.depth_camera import DepthCamera, DepthRegistration
+from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
@@ -36,18 +36,15 @@ class FileCamera(Camera):
 
     depth: Sequence[Path] = ()
     depth_camera: DepthCamera | None = None
-    _registration: DepthRegistration | None = None
 
     def depth_of(self, number: int) -> Depth | str | None:
         """Depth of the picture of that number, of its pixels, or why it cannot be used; None where there is none."""
         depth = readable_depth(self.depth[number]) if self.depth else None
         if depth is None or isinstance(depth, str) or self.depth_camera is None:
             return depth
-        if self._registration is None:
-            if self.info.intrinsics is None:
-                return None
-            self._registration = DepthRegistration(self.depth_camera, self.info.intrinsics)
-        if (registered := self._registration.registered(depth)) is None:
+        if self.info.intrinsics is None:
+            return None
+        if (registered := self.depth_camera.registered(depth, self.info.intrinsics)) is None:
             return f"{depth.shape[1]}x{depth.shape[0]} px, its camera has another size"
         return registered
 

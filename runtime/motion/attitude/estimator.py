@@ -3,23 +3,24 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor, follow_floor
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.level import up_optical
+from edgemap.geometry.camera.mount import up_optical
 from edgemap.runtime.frames.camera import Camera
-from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude
 from edgemap.runtime.motion.attitude.mount_check import MountCheck
 from edgemap.runtime.motion.attitude.pictures import LONGEST_S, PicturesAttitude
-from edgemap.runtime.motion.attitude.source import AttitudeSource, Moved, RecordedAttitude
+from edgemap.runtime.motion.attitude.source import AttitudeSource, Moved
 from edgemap.runtime.motion.health import HealthRule
 from edgemap.runtime.motion.odometry import OdometryRules
 
@@ -46,7 +47,7 @@ class DepthAttitude:
         if frame.depth is None:
             return other
         points = SparseDepth.of(frame.depth, EVERY_PX).points(self._lens)[0]
-        plane = self._follow(points, other, frame.stamp_s)
+        plane = self._floor(points, other, frame.stamp_s)
         if plane is None:
             return other
         self._last, self._seen_s = plane, frame.stamp_s
@@ -54,32 +55,29 @@ class DepthAttitude:
         level = Attitude.of_up(plane.up, np.diag(variances), self.name)
         return other.held_to(replace(level, height_m=plane.height_m))
 
-    def _follow(self, points: NDArray[np.float64], other: Attitude, stamp_s: float) -> FloorPlane | None:
+    def _floor(self, points: Array, other: Attitude, stamp_s: float) -> FloorPlane | None:
+        """The floor near the last one or where the other source expects it; one that stays lost, as of a camera that is
+        held at unexpected angles, is the lowest plane."""
         up = up_optical(other.pitch_rad, other.roll_rad)
-        expected = [(up, other.height_m or self._height_m)]
+
+        def near(expected: tuple[Array, float], off_rad: float, off_share: float) -> FloorPlane | None:
+            plane = follow_floor(points, *expected)
+            if plane is None or abs(plane.height_m / self._height_m - 1.0) >= off_share:
+                return None
+            return plane if float(plane.up @ up) > math.cos(off_rad) else None
+
+        plane = None
         if self._last is not None and stamp_s - self._seen_s < LONGEST_S:
-            expected.insert(0, (self._last.up, self._last.height_m))
-        for direction, height_m in expected:
-            plane = follow_floor(points, direction, height_m)
-            if plane is None:
-                continue
-            near = abs(plane.height_m / self._height_m - 1.0) < FARTHEST_SHARE
-            if near and float(plane.up @ up) > math.cos(FARTHEST_RAD):
-                return plane
-        lost_s = stamp_s - max(self._seen_s, self._sought_s)
-        return self._sought(points, up, stamp_s) if lost_s >= SOUGHT_S else None
-
-    def _sought(self, points: NDArray[np.float64], up: NDArray[np.float64], stamp_s: float) -> FloorPlane | None:
-        """Searches the lowest plane, for a camera that is held at unexpected angles."""
-        self._sought_s = stamp_s
-        plane = find_floor(points, np.random.default_rng(0), up)
-        if plane is None or abs(plane.height_m / self._height_m - 1.0) > SOUGHT_SHARE:
-            return None
-        followed = follow_floor(points, plane.up, plane.height_m)
-        return followed if followed is not None and float(followed.up @ up) > math.cos(SOUGHT_RAD) else None
+            plane = near((self._last.up, self._last.height_m), FARTHEST_RAD, FARTHEST_SHARE)
+        plane = plane or near((up, other.height_m or self._height_m), FARTHEST_RAD, FARTHEST_SHARE)
+        if plane is None and stamp_s - max(self._seen_s, self._sought_s) >= SOUGHT_S:
+            self._sought_s = stamp_s
+            lowest = find_floor(points, np.random.default_rng(0), up)
+            plane = lowest and near((lowest.up, lowest.height_m), SOUGHT_RAD, SOUGHT_SHARE)
+        return plane
 
 
-class EstimatedAttitude:
+class EstimatedAttitude(AttitudeSource):
     """Attitude by the odometry, by the IMU where frames bring samples, and by the floor where they bring depth, about a
     mount that all of them check. Each source takes precedence over the one before, poses of others over all; a gyro's
     rotation stays.
@@ -100,12 +98,13 @@ class EstimatedAttitude:
         health: HealthRule | None = None,
     ) -> None:
         rule, rules, mount = rule or AttitudeRule(), rules or OdometryRules(), camera.mount
+        super().__init__(lambda _: Attitude.of_mount(mount))
         self._pictures = PicturesAttitude(mount, rule.check.tilt)
-        self._inertial = InertialAttitude(mount, rule, rules.pictures.carried, rules.hybrid.trust, clock)
+        trust = ImuTrust(rule.noise.rest_window_s, rules.hybrid.trust, clock)
+        self._inertial = InertialAttitude(mount, rule, rules.pictures.carried, trust)
         self._depth, self._imu, self._given = DepthAttitude(camera, rule.check.tilt.lasting), imu, given
-        self._check = MountCheck(camera, self._pictures, rule.check, health)
-        self._mount, self.faults = mount, tuple[Fault, ...]()
-        self._attitude = Attitude.of_mount(mount)
+        self._check = MountCheck(camera, self._pictures, rule.check, health or HealthRule())
+        self._mount = mount
 
     def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
         """The attitude at the frame's stamp."""
@@ -126,15 +125,15 @@ class EstimatedAttitude:
         return self._attitude
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
-        """The last frame's attitude; that of the odometry where it was predicted."""
+        """As of `AttitudeSource`; that of the odometry where it was predicted."""
         self._check.moved(rotation)
         attitude = self._pictures.update(rotation)
-        return self._about_mount(attitude) if self._attitude.predicted else self._attitude
+        return self._about_mount(attitude) if self._attitude.predicted else super().update(rotation)
 
     def _about_mount(self, attitude: Attitude) -> Attitude:
         """An attitude with the estimate of the mount."""
-        check, seen_up = self._check, self._pictures.seen_up
-        return replace(attitude, carried=check.carried, room=check.room, seen_up=seen_up, mount=check.estimate)
+        check = self._check
+        return replace(attitude, carried=check.carried, room=check.room, mount=check.estimate)
 
 
 def open_attitude(
@@ -149,7 +148,7 @@ def open_attitude(
 ) -> AttitudeSource:
     """The attitude of this camera: recorded 6-DoF poses with `--odometry truth`, else as of `EstimatedAttitude`."""
     if odometry == "truth" and camera.info.attitudes is not None:
-        return RecordedAttitude(camera.info.attitudes, floor.mount)
+        return AttitudeSource(partial(camera.info.attitudes.at, height_m=floor.mount.height_m))
     clock = _clock_of(camera.info.imu)
     return EstimatedAttitude(floor, rule, imu=imu, clock=clock, given=given, rules=rules, health=health)
 

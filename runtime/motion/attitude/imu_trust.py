@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import GRAVITY_M_S2, small_rotation
 from edgemap.geometry.robust import CLEAR_SIGMAS
@@ -15,8 +16,6 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.motion.judge import MotionJudge, Path, path_of
 from edgemap.runtime.motion.trust import CONTRARY, Agreement, Trust, TrustRule
-
-Array = NDArray[np.float64]
 
 # By datasheets: the smallest full scale (125 deg/s, 2 g), from which on a value that repeats bit by bit is saturated,
 # and the largest (2000 deg/s, 16 g).
@@ -40,28 +39,28 @@ class _Sensor:
         self.name, self._unit, self._window_s, self._freezes = name, unit, window_s, freezes
         self._least, self._most = bounds
         self._last, self._runs = np.full(3, math.nan), np.zeros(3, dtype=np.intp)
-        self._share, self.bad, self.reason = -1.0, False, ""
+        self._share, self.bad, self.reason = 0.0, False, ""
         self._lively = 0  # samples of which every axis differed from the one before
 
     def judge(self, values: Array, span_s: float) -> NDArray[np.bool_]:
-        """Which of the samples (N, 3) are plausible, (N,)."""
-        good = np.ones(len(values), dtype=bool)
-        for row, value in enumerate(values):
-            same = value == self._last
-            self._runs, self._lively = np.where(same, self._runs + 1, 0), self._lively + (not same.any())
-            self._last, size = value, np.abs(value)
-            clipped = (self._runs >= REPEATS) & (size >= self._least)
-            held = self._freezes and self._lively >= LIVELY and self._runs.min() >= REPEATS
-            if clipped.any() or held:
-                good[max(row - int(self._runs.min() if held else self._runs[clipped].max()), 0) : row + 1] = False
-                self.reason = (
-                    f"{self.name} {'saturated' if clipped.any() else 'frozen'} at {size.max():.1f} {self._unit}"
-                )
-            elif not (size <= self._most).all():
-                good[row], self.reason = False, f"{self.name} at {size.max():.1f} {self._unit}: none can be"
+        """Which of the samples (N, 3) are plausible, (N,). span_s: since the samples before, 0 for the first ones."""
+        rows, same = np.arange(len(values))[:, None], values == np.vstack([self._last, values[:-1]])
+        changed = np.maximum.accumulate(np.where(same, -1, rows))  # row of the last change, -1 before the first one
+        runs = np.where(changed < 0, self._runs + rows + 1, rows - changed)
+        lively = self._lively + np.cumsum(~same.any(axis=1))
+        self._last, self._runs, self._lively, size = values[-1], runs[-1], int(lively[-1]), np.abs(values)
+        clipped = (runs >= REPEATS) & (size >= self._least)
+        held = self._freezes & (lively >= LIVELY) & (runs.min(axis=1) >= REPEATS)
+        stuck, good = clipped.any(axis=1) | held, size.max(axis=1) <= self._most
+        back = np.where(held, runs.min(axis=1), np.where(clipped, runs, 0).max(axis=1))
+        for at in np.flatnonzero(stuck).tolist():
+            good[max(at - int(back[at]), 0) : at + 1] = False
+        if not good.all():
+            at = int(np.flatnonzero(~good)[-1])
+            what = "saturated at" if clipped[at].any() else "frozen at" if held[at] else "at"
+            self.reason = f"{self.name} {what} {size[at].max():.1f} {self._unit}{'' if stuck[at] else ': none can be'}"
         share = 1.0 - float(good.mean())
-        taken = 1.0 if self._share < 0.0 else min(span_s / self._window_s, 1.0)
-        self._share = max(self._share, 0.0) + taken * (share - max(self._share, 0.0))
+        self._share += (min(span_s / self._window_s, 1.0) if span_s else 1.0) * (share - self._share)
         self.bad = max(self._share, share / 2.0) >= (0.05 if self.bad else 0.5)
         return good
 
@@ -72,22 +71,22 @@ class ImuTrust:
     def __init__(self, window_s: float, trust: TrustRule, clock: str = "") -> None:
         """window_s: over which samples are judged. trust: how the gyro's yaw is compared with the odometry's. clock:
         what is wrong with the stamps of a recording's samples, all of which are left out then."""
-        self._gyro = _Sensor("gyro", "rad/s", GYRO_RAD_S, window_s, freezes=True)
-        self._accel = _Sensor("accelerometer", "m/s2", ACCEL_M_S2, window_s, freezes=False)
+        self._sensors = (
+            _Sensor("gyro", "rad/s", GYRO_RAD_S, window_s, freezes=True),
+            _Sensor("accelerometer", "m/s2", ACCEL_M_S2, window_s, freezes=False),
+        )
         self._least_rad, self._yaw = trust.least[0], Agreement(trust, trust.least[0])
         self._judge, self._contrary = MotionJudge(), ""  # of delay, sign and axes
-        self._turns = deque[tuple[float, Array]]()  # stamps, and rotations about the axes up to them
-        self._spans = (math.nan, math.nan)  # of the step that was judged last: stamps of both frames
+        self._recent = ImuSamples.none()  # as long as yaw is compared
+        self._step, self._turned_rad = (math.nan, math.nan), 0.0  # stamps of the last two frames, and yaw by the gyro
         self._force, self.forceless = np.zeros(3), ""  # mean of a second; why the accelerometer is not used
         # Gravity's direction as a second's mean, turned by the gyro and not turned; squared errors of both; the fault.
         self._level, self._off_rad2, self._turns_gravity = np.zeros((2, 3)), np.zeros(2), ""
-        self._clock = clock
-        self._turned_rad = self._span_s = 0.0  # over the last step, by the gyro
-        self._seen_s, self._reason = math.nan, ""
+        self._clock, self._reason = clock, ""
         self._frames, self._per_sample = 0, deque[int](maxlen=FEWEST)  # since the last sample; of the last samples
         self._slow = False
-        self._off_clock = 0  # frames since the newest samples, where these are of another time
-        self._off_clock_s = 0.0
+        # Frames since the newest samples, where these are of another time; by how much.
+        self._off_clock, self._off_clock_s = 0, 0.0
 
     @property
     def proved(self) -> bool:
@@ -110,36 +109,29 @@ class ImuTrust:
         """The valid samples, and a fault where a sensor is excluded from now on, or used again. moved: motion of the
         step before, by the odometry without the gyro. up: (3,), optical frame. bias: (3,), the gyro's estimated bias.
         """
-        if self._clock:
-            return self._with_fault(ImuSamples.none())
         samples, fault = self._weighed(self._of_frame(samples, stamp_s), up)
         if fault:
             return samples, fault
         self._count(len(samples))
-        if self._off_clock == FEWEST:
-            return self._with_fault(samples)
         if not len(samples):
-            return samples, None
-        span_s = stamp_s - self._seen_s if math.isfinite(self._seen_s) else 0.0
-        self._turned(samples)
+            return self._with_fault(samples)
+        self._recent = ImuSamples.joined([self._recent, samples]).between(stamp_s - self._judge.reach_s, stamp_s)
         self._compare(moved, up, bias)
-        good = self._gyro.judge(samples.gyro_rad_s, span_s)
-        good &= self._accel.judge(samples.accel_m_s2, span_s)
+        before_s = self._step[1]
+        span_s = stamp_s - before_s if math.isfinite(before_s) else 0.0
+        gyro, accel = self._sensors
+        good = gyro.judge(samples.gyro_rad_s, span_s) & accel.judge(samples.accel_m_s2, span_s)
         known = good.all() and not self.forceless and 0.0 < span_s < APART_S and (moved is None or moved[0] != SE2())
         doubted = self._weigh_turns(samples, span_s if known else 0.0, bias)
-        self._spans, self._seen_s, self._span_s = (self._seen_s, stamp_s), stamp_s, span_s
+        self._step = before_s, stamp_s
         self._turned_rad = float((samples.gyro_rad_s.mean(axis=0) - bias) @ up) * span_s
-        if doubted:
-            samples = ImuSamples.none()
-        elif not good.all():
-            samples = ImuSamples(samples.stamps_s[good], samples.gyro_rad_s[good], samples.accel_m_s2[good])
-        return self._with_fault(samples)
+        return self._with_fault(samples.rows(good & (not doubted)))
 
     def _of_frame(self, samples: ImuSamples, stamp_s: float) -> ImuSamples:
         """The samples up to the frame; none where the newest is more than APART_S from its stamp."""
-        if not len(samples):
+        if not len(samples) or self._clock:
             self._off_clock += self._off_clock > 0
-            return samples
+            return ImuSamples.none()
         self._off_clock_s = stamp_s - float(samples.stamps_s[-1])
         self._off_clock = self._off_clock + 1 if abs(self._off_clock_s) > APART_S else 0
         return ImuSamples.none() if self._off_clock else samples.between(stamp_s - HISTORY_S, stamp_s)
@@ -147,10 +139,7 @@ class ImuTrust:
     def _with_fault(self, samples: ImuSamples) -> tuple[ImuSamples, Fault | None]:
         """The samples, and a fault where their exclusion begins or ends."""
         before, self._reason = self._reason, self._guilty()
-        if self._reason and not before:
-            return samples, Fault(FaultKind.IMU_EXCLUDED, f"{self._reason}: the IMU is left out")
-        again = Fault(FaultKind.IMU_RESTORED, "the IMU (gyro and accelerometer) is used again")
-        return samples, again if before and not self._reason else None
+        return samples, _news(before, self._reason, "the IMU is left out", "the IMU (gyro and accelerometer)")
 
     def _count(self, samples: int) -> None:
         """Counts the frames per sample while no frame brings two: several at once are a driver's packet, not a low
@@ -165,12 +154,13 @@ class ImuTrust:
     def _compare(self, moved: tuple[SE2, Array] | None, up: Array, bias: Array) -> None:
         """Compares the last step's yaw with the odometry's, and the latest ones for delay and axes. Skipped at rest:
         otherwise the variance of the window would grow without bound."""
-        if moved is None or self._span_s == 0.0 or moved[0] == SE2():
+        from_s, to_s = self._step
+        if moved is None or not from_s < to_s or moved[0] == SE2():
             self._yaw = self._yaw.restarted()
             return
-        if self._judge.add(*self._spans, moved) and self._turns:
-            stamps_s, turns = np.array([row[0] for row in self._turns]), np.array([row[1] for row in self._turns])
-            turns = turns - np.outer(stamps_s, bias)
+        if self._judge.add(from_s, to_s, moved):
+            stamps_s, rates = self._recent.stamps_s, self._recent.gyro_rad_s - bias
+            turns = np.cumsum(np.diff(stamps_s, prepend=stamps_s[0])[:, None] * rates, axis=0)
 
             def about(axis: Array) -> Path:
                 return path_of(stamps_s, (turns @ axis)[:, None] * [0.0, 0.0, 1.0], wraps=False)
@@ -178,20 +168,11 @@ class ImuTrust:
             wrong = partial(self._judge.judge, lengths=False)
             self._contrary = wrong(about(up))
             if self._contrary and not self._judge.delay(about(up)):
-                right = next((name for name, axis in AXES.items() if not wrong(about(axis))), "")
-                self._contrary += (
-                    f"; about its {right} axis it does (are its axes right, down, ahead?)" if right else ""
-                )
-        yaw_rad, variance = moved[0].yaw_rad, float(moved[1][2, 2]) + (0.01 * self._span_s) ** 2
+                right = next((name for name, axis in AXES.items() if not wrong(about(axis))), None)
+                if right:
+                    self._contrary += f"; about its {right} axis it does (are its axes right, down, ahead?)"
+        yaw_rad, variance = moved[0].yaw_rad, float(moved[1][2, 2]) + (0.01 * (to_s - from_s)) ** 2
         self._yaw = self._yaw.updated(self._turned_rad, yaw_rad, variance)
-
-    def _turned(self, samples: ImuSamples) -> None:
-        """Integrates the rates, for the comparison."""
-        for stamp_s, rate in zip(samples.stamps_s.tolist(), samples.gyro_rad_s, strict=True):
-            before_s, turn = self._turns[-1] if self._turns else (stamp_s, np.zeros(3))
-            self._turns.append((stamp_s, turn + (stamp_s - before_s) * rate))
-        while self._turns[-1][0] - self._turns[0][0] > self._judge.reach_s:
-            self._turns.popleft()
 
     def _weigh_turns(self, samples: ImuSamples, span_s: float, bias: Array) -> bool:
         """Compares where gravity is by gyro and accelerometer with where it is by the accelerometer alone: wrong axes
@@ -225,18 +206,14 @@ class ImuTrust:
         if not good.any() and len(samples) == 1:
             return ImuSamples.none(), None
         if good.any() and not self.forceless:
-            samples = ImuSamples(samples.stamps_s[good], samples.gyro_rad_s[good], samples.accel_m_s2[good])
+            samples = samples.rows(good)
             fresh = samples.accel_m_s2.mean(axis=0)
         self._force = self._force + taken * (fresh - self._force)
         before, self.forceless = self.forceless, _not_gravity(self._force, up)
         if self.forceless:
             samples = replace(samples, accel_m_s2=np.tile(GRAVITY_M_S2 * up, (len(samples), 1)))
-        if bool(before) == bool(self.forceless):
-            return samples, None
-        if self.forceless:
-            text = f"accelerometer: {self.forceless}: left out, the gyro is used alone"
-            return samples, Fault(FaultKind.IMU_EXCLUDED, text)
-        return samples, Fault(FaultKind.IMU_RESTORED, "the accelerometer is used again")
+        why = self.forceless and f"accelerometer: {self.forceless}"
+        return samples, _news(before, why, "left out, the gyro is used alone", "the accelerometer")
 
     def _guilty(self) -> str:
         """Why a sensor is left out; empty where none is."""
@@ -245,9 +222,8 @@ class ImuTrust:
         if self._off_clock >= FEWEST:
             where = f"{abs(self._off_clock_s):.6g} s {'before' if self._off_clock_s > 0.0 else 'after'} the picture"
             return f"IMU: its newest sample is {where} (two clocks?)"
-        for sensor in (self._gyro, self._accel):
-            if sensor.bad:
-                return sensor.reason
+        if bad := next((sensor for sensor in self._sensors if sensor.bad), None):
+            return bad.reason
         frames = (sum(self._per_sample) - max(self._per_sample, default=0)) / (FEWEST - 1)  # one may be a hole
         self._slow = len(self._per_sample) == FEWEST and frames > (1.5 if self._slow else 2.0)
         if self._slow:
@@ -257,6 +233,15 @@ class ImuTrust:
         if self._yaw.state is Trust.DISTRUSTED and (self._judge.conclusive or self._yaw.ratio < -CONTRARY):
             return f"gyro: its yaw is {100.0 * self._yaw.ratio:.0f} % of what the camera measures"
         return ""
+
+
+def _news(before: str, reason: str, lost: str, again: str) -> Fault | None:
+    """The fault where a reason not to use a sensor begins, with its effect, or ends, with the sensor's name."""
+    if bool(before) == bool(reason):
+        return None
+    if reason:
+        return Fault(FaultKind.IMU_EXCLUDED, f"{reason}: {lost}")
+    return Fault(FaultKind.IMU_RESTORED, f"{again} is used again")
 
 
 def _not_gravity(force: Array, up: Array) -> str:

@@ -8,24 +8,13 @@ import numpy as np
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.carried import CarriedRule
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.geometry.camera.inertial import (
-    InertialNoise,
-    InertialState,
-    inertial_displaced,
-    inertial_mounted,
-    inertial_moved,
-    inertial_remounted,
-    inertial_start,
-    inertial_step,
-)
-from edgemap.geometry.camera.level import pitch_roll, up_optical
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.inertial import InertialFilter, InertialNoise
+from edgemap.geometry.camera.mount import Mount, pitch_roll, up_optical
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.attitude.mount_check import MountRule
 from edgemap.runtime.motion.attitude.pictures import LONGEST_S
 from edgemap.runtime.motion.attitude.source import Moved
-from edgemap.runtime.motion.trust import TrustRule
 
 NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
 LIKELY = 2.0  # standard deviations of nodding, at which the mount has half the weight for the tilt
@@ -50,37 +39,33 @@ class InertialAttitude:
 
     name = "imu"
 
-    def __init__(
-        self,
-        mount: Mount,
-        rule: AttitudeRule | None = None,
-        carried: CarriedRule | None = None,
-        trust: TrustRule | None = None,
-        clock: str = "",
-    ) -> None:
-        self._rule, self._carried = rule or AttitudeRule(), carried or CarriedRule()
+    def __init__(self, mount: Mount, rule: AttitudeRule, carried: CarriedRule, trust: ImuTrust) -> None:
+        self._rule, self._carried, self._trust = rule, carried, trust
         self._up = up_optical(mount.pitch_rad, mount.roll_rad)
         arms = [(0.0, 0.0, mount.height_m), (mount.forward_m, mount.left_m, 0.0)]
         self._arm = np.array(arms) @ mount.rotation_base_optical()
-        self._noise, self.fault = self._rule.noise, None
-        self._state: InertialState | None = None
-        self._trust = ImuTrust(self._noise.rest_window_s, trust or TrustRule(), clock)
+        self._noise, self.fault = rule.noise, None
+        self._filter: InertialFilter | None = None
         self._seen_s = -math.inf
         self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate, and over how long
 
     def predict(self, frame: Frame, moved: Moved | None, other: Attitude) -> Attitude:
         """The attitude at the frame's stamp; without samples another source's. moved: as of `AttitudeSource`."""
-        bias = np.zeros(3) if self._state is None else self._state.bias
-        samples, self.fault = self._trust.judge(frame.imu, frame.stamp_s, moved, self._up, bias)
-        before_s, self._seen_s = self._seen_s, frame.stamp_s
+        state, stamp_s = self._filter, frame.stamp_s
+        bias = np.zeros(3) if state is None else state.bias
+        samples, self.fault = self._trust.judge(frame.imu, stamp_s, moved, self._up, bias)
+        before_s, self._seen_s = self._seen_s, stamp_s
+        if self._trust.left_out or (state is not None and stamp_s - state.stamp_s > LONGEST_S):
+            state = self._filter = None
         if self._trust.left_out or not len(samples):
-            self._state = None if self._trust.left_out else self._waiting(frame.stamp_s)
+            if state is not None:  # the odometry's next motion is of other times
+                state.before = None
             return other
-        if self._state is None or not 0.0 < frame.stamp_s - self._state.stamp_s <= LONGEST_S:
-            state, rotation = self._begun(samples, frame.stamp_s, before_s)
+        if state is None or stamp_s <= state.stamp_s:
+            state, rotation = self._begun(samples, stamp_s, before_s)
         else:
-            state, rotation = self._continued(self._state, samples, frame.stamp_s, before_s, moved)
-        self._state = state
+            rotation = self._continued(state, samples, stamp_s, before_s, moved)
+        self._filter = state
         if rotation is not None:
             swings = not self._calm() and self._trust.follows_gravity
             rotation = replace(rotation, proved=swings or self._trust.proved)
@@ -90,10 +75,12 @@ class InertialAttitude:
     def correct_mount(self, mount: Mount) -> None:
         """Corrects the mount's angles, and with them the tilt and the accelerometer's offset that it determined."""
         before, self._up = self._up, up_optical(mount.pitch_rad, mount.roll_rad)
-        if self._state is not None:
-            self._state = inertial_remounted(self._state, before, self._up)
+        if self._filter is not None:
+            self._filter.remounted(before, self._up)
 
-    def _begun(self, samples: ImuSamples, stamp_s: float, before_s: float) -> tuple[InertialState, GyroRotation | None]:
+    def _begun(
+        self, samples: ImuSamples, stamp_s: float, before_s: float
+    ) -> tuple[InertialFilter, GyroRotation | None]:
         """Starts with the earliest samples and integrates to the frame; samples at rest before it determine the bias.
         Also returns the rotation since the previous frame, where the samples reach back to it."""
         noise = self._noise
@@ -103,43 +90,33 @@ class InertialAttitude:
         first = samples.between(-math.inf, edges[0])
         edges = [before_s, stamp_s] if reaches else edges
         start_rad = self._rule.check.tilt.prior  # the first samples err by no more than a mount
-        state, rotation = inertial_start(first, edges[0], noise, start_rad), None
+        state, rotation = InertialFilter(first, edges[0], noise, start_rad), None
         self._rate2, self._judged_s = 0.0, 0.0
         self._nodded(state, first, START_S)
         if self._calm() and float(state.up_optical @ self._up) > math.cos(start_rad):
-            state = inertial_start(first, edges[0], noise, float(self._nods(np.zeros(2))[0]), self._up)
+            state = InertialFilter(first, edges[0], noise, float(self._nods(np.zeros(2))[0]), self._up)
         for edge_s in edges[1:]:
             part = samples.between(state.stamp_s, edge_s)
-            if len(part):
-                state, rotation = inertial_step(state, part, edge_s, noise)
+            rotation = state.step(part, edge_s) if len(part) else rotation
         return state, rotation if reaches else None
 
     def _continued(
-        self, state: InertialState, samples: ImuSamples, stamp_s: float, before_s: float, moved: Moved | None
-    ) -> tuple[InertialState, GyroRotation | None]:
-        """The state at a frame, and the rotation since the previous frame, where that one had samples."""
-        span_s = stamp_s - state.stamp_s
-        before = replace(state, calm=None)
+        self, state: InertialFilter, samples: ImuSamples, stamp_s: float, before_s: float, moved: Moved | None
+    ) -> GyroRotation | None:
+        """Advances the filter to a frame. Returns the rotation since the previous one, where that one had samples. The
+        tilt is pulled towards the mount, less with distance, so a carried camera stays free."""
+        from_s, span_s, state.calm = state.stamp_s, stamp_s - state.stamp_s, None
         if moved is not None:
-            before = inertial_moved(before, *moved, self._arm, self._noise)
-        self._nodded(before, samples, span_s)
-        after, rotation = inertial_step(before, samples, stamp_s, self._noise)
-        rotation = replace(rotation, displaced=inertial_displaced(after, self._arm))
-        after = self._mounted(after, span_s)
-        if state.stamp_s != before_s:  # the odometry's motions are of other times
-            return replace(after, before=None), None
-        return after, rotation
-
-    def _waiting(self, stamp_s: float) -> InertialState | None:
-        """The state at a frame without samples, None where the hole is too long. The odometry's next motion covers
-        another interval, so the state before is dropped."""
-        state = self._state
-        return None if state is None or stamp_s - state.stamp_s > LONGEST_S else replace(state, before=None)
-
-    def _mounted(self, state: InertialState, span_s: float) -> InertialState:
-        """Pulls the tilt towards the mount, less with distance, so a carried camera stays free."""
+            state.moved(*moved, self._arm)
+        self._nodded(state, samples, span_s)
+        rotation = state.step(samples, stamp_s)
+        rotation = replace(rotation, displaced=state.displaced(self._arm))
         nods = self._nods((state.rotation @ self._up)[1::-1])
-        return inertial_mounted(state, self._up, nods * math.sqrt(max(1.0 / span_s, 1.0)))
+        state.mounted(self._up, nods * math.sqrt(max(1.0 / span_s, 1.0)))
+        if from_s != before_s:  # the odometry's motions are of other times
+            state.before = None
+            return None
+        return rotation
 
     def _calm(self) -> bool:
         """Whether the camera swings no faster than one on a robot."""
@@ -150,7 +127,7 @@ class InertialAttitude:
         nodding = self._rule.check.tilt.nod
         return nodding * (1.0 + (off_rad**2 + self._rate2 * NOD_S**2) / (LIKELY * nodding) ** 2)
 
-    def _nodded(self, state: InertialState, samples: ImuSamples, span_s: float) -> None:
+    def _nodded(self, state: InertialFilter, samples: ImuSamples, span_s: float) -> None:
         """Updates the rate of the tilt: a head nods faster than a robot."""
         rate = samples.gyro_rad_s.mean(axis=0) - state.bias
         rate -= (rate @ state.up_optical) * state.up_optical

@@ -9,10 +9,9 @@ import numpy as np
 from cv2.typing import MatLike
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import Attitude, MountEstimate, RoomHeading, TrackedRotation
+from edgemap.geometry.camera.attitude import Attitude, MountEstimate, RoomAxes, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import angles_text, pitch_roll
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, pitch_roll
 from edgemap.geometry.camera.mount_tilt import MountTilt, MountTiltRule
 from edgemap.geometry.robust import CLEAR_SIGMAS, FEWEST, median_and_scatter
 from edgemap.runtime.frames.faults import Fault, FaultKind
@@ -44,33 +43,27 @@ class MountCheck:
     they clearly contradict the mount, at once, and a fault is reported. A carried camera has no mount and is not
     checked. Edges of single frames update `pictures`. health: by which a picture shows another view (`moved`). used:
     the mount that attitudes refer to. estimate: None before the first judgement. carried: whether the tilt by edges
-    scatters more than a mounted camera's. room: its heading by the edges of the last frame, if just computed.
+    scatters more than a mounted camera's. room: its axes by the edges of the last frame, if just computed.
     """
 
-    def __init__(
-        self,
-        camera: FloorCamera,
-        pictures: PicturesAttitude,
-        rule: MountRule | None = None,
-        health: HealthRule | None = None,
-    ) -> None:
-        self._pictures, self._rule = pictures, rule or MountRule()
+    def __init__(self, camera: FloorCamera, pictures: PicturesAttitude, rule: MountRule, health: HealthRule) -> None:
+        self._pictures, self._rule = pictures, rule
         self._mount, self._in_room = camera.mount, camera.mount.platform.in_room
         self._configured = np.array([self._mount.roll_rad, self._mount.pitch_rad])
         self._to_base = self._mount.rotation_base_optical()
-        self._tilt = MountTilt.prior(self._rule.tilt)
+        self._tilt = MountTilt.prior(rule.tilt)
         # Of roll and pitch: which is clearly wrong, which is replaced by its estimate, and the correction, rad.
         self._wrong, self._replaced, self._corrected = np.zeros(2, dtype=bool), np.zeros(2, dtype=bool), np.zeros(2)
         self.used = self._mount
         self.estimate: MountEstimate | None = None
-        self.room: RoomHeading | None = None
+        self.room: RoomAxes | None = None
         self._now_s = self._judged_s = -math.inf  # of the last frame, and of the last judgement
         self._turned, self._turned_s = np.eye(3), -math.inf  # rotation since a stamp
         self._forces: list[tuple[float, float, float]] = []  # stamp, roll and pitch by the accelerometer
         self._steady: bool | None = None  # whether the estimates by edges scatter as little as a mounted camera's
         self._on_wheels = self._sways = False  # by the odometry; at the last picture, as if carried
         self._settled = False  # the mount's angles have converged for the whole drive
-        lens, self._views = camera.intrinsics, Views((health or HealthRule()).moved)
+        lens, self._views = camera.intrinsics, Views(health.moved)
         share = min(1.0, math.sqrt(PIXELS / (lens.width * lens.height)))
         self._lens = lens.scaled(round(lens.width * share), round(lens.height * share))
         self._picture: MatLike | None = None  # of the last frame, whose edges are to be read
@@ -100,9 +93,8 @@ class MountCheck:
         grey = cv2.resize(grey, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
         return grey if self._views.is_another(grey) else None
 
-    def _by_edges(self) -> RoomHeading | None:
-        """Estimates the mount by the edges of the last frame's picture. Returns the heading of the room where they show
-        it."""
+    def _by_edges(self) -> RoomAxes | None:
+        """Estimates the mount by the edges of the last frame's picture. Returns the room where they show it."""
         if self._picture is None:
             return None
         rule, stamp_s = self._rule, self._now_s
@@ -123,7 +115,7 @@ class MountCheck:
         if len(self._estimates) >= FEWEST and stamp_s - self._estimates[0][0] >= rule.judged_s:
             scatter = median_and_scatter(np.array(self._estimates)[:, 1:])[1]
             self._steady = bool(scatter.max() < 2.0 * rule.tilt.nod)
-        return None if room.level_rad is None else RoomHeading(stamp_s, room.level_rad, room.level_sigma_rad)
+        return replace(room, stamp_s=stamp_s)
 
     def moved(self, rotation: TrackedRotation | None) -> None:
         """Updates the mount with turns of a robot on wheels."""
@@ -132,13 +124,12 @@ class MountCheck:
         if self._sways:
             self._void()
         self._on_wheels = carried.on_wheels if carried else self._on_wheels
-        if rotation is None or carried is None or not carried.on_wheels or not self._in_room:  # a car leans in turns
-            self._turned, self._turned_s = np.eye(3), self._now_s
-            return
-        self._turned = self._turned @ rotation.rotation
-        if self._now_s - self._turned_s > rule.judged_s:
+        if rotation is not None and carried is not None and carried.on_wheels and self._in_room:  # a car leans in turns
+            self._turned = self._turned @ rotation.rotation
+            if self._now_s - self._turned_s <= rule.judged_s:
+                return
             self._tilt = self._tilt.by_turn(self._to_base @ cv2.Rodrigues(self._turned)[0].ravel())
-            self._turned, self._turned_s = np.eye(3), self._now_s
+        self._turned, self._turned_s = np.eye(3), self._now_s
 
     def _void(self) -> None:
         """Discards the estimate of a carried camera, which has no mount, unless it had converged before."""
@@ -152,10 +143,8 @@ class MountCheck:
             self._forces.append((self._now_s, *attitude.force_rad.tolist()))
             if self._now_s - self._forces[0][0] >= rule.judged_s:
                 forces, self._forces = np.array(self._forces)[:, 1:], []
-                if forces.std(axis=0).max() < rule.tilt.seen:
-                    self._tilt = self._tilt.by_up(
-                        GRAVITY, forces[-1] - self._configured
-                    )  # which the filter has averaged
+                if forces.std(axis=0).max() < rule.tilt.seen:  # the filter has averaged the last one
+                    self._tilt = self._tilt.by_up(GRAVITY, forces[-1] - self._configured)
         if attitude.source == "depth":
             angles = np.array([attitude.roll_rad, attitude.pitch_rad])
             self._tilt = self._tilt.by_up(DEPTH, angles - self._configured)
@@ -187,7 +176,7 @@ class MountCheck:
         names = ", ".join(sorted(tilt.measurements, key=lambda name: -tilt.measurements[name]))
         return Fault(
             FaultKind.MOUNT_ANGLES,
-            f"mount: {angles_text(stated[1], stated[0])} given, {names} give {angles_text(estimate[1], estimate[0])}, "
+            f"mount: {_angles(stated)} given, {names} give {_angles(estimate)}, "
             "to {:.1f} and {:.1f}: used from now on, measure it again".format(*np.degrees(sigma[::-1])),
         )
 
@@ -195,3 +184,8 @@ class MountCheck:
         """The mount with other angles."""
         roll, pitch = (self._configured + error_rad).tolist()
         return replace(self._mount, roll_rad=roll, pitch_rad=pitch)
+
+
+def _angles(degrees: Array) -> str:
+    """Roll and pitch (2,), degrees, for messages."""
+    return f"pitch {degrees[1]:.1f} and roll {degrees[0]:.1f} deg"

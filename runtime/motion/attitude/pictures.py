@@ -4,17 +4,14 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.attitude import Attitude, RoomAxes, TrackedRotation
 from edgemap.geometry.camera.carried import Carried
-from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, up_optical
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
-from edgemap.geometry.camera.room_edges import RoomAxes, room_axes
+from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.geometry.robust import CLEAR_SIGMAS
-
-Array = NDArray[np.float64]
 
 LONGEST_S = 1.0  # between two frames of one drive
 REACH_SIGMAS = 3.0  # of a carried camera, within which up is searched: at 3.29 home 9280 errs by 0.45, not 0.05 m
@@ -25,17 +22,14 @@ class PicturesAttitude:
 
     For a mounted camera `predict` gives the mount's angles, because the odometry starts from those. For a carried
     camera it gives the last tilt, once that is certain enough to show an error of the mount of `tilt.prior`.
-    seen_up: (3,), by a room's edges where they have just been evaluated, in the last frame's optical axes.
     """
 
     name = "pictures"
 
-    def __init__(self, mount: Mount, tilt: MountTiltRule | None = None) -> None:
-        tilt = tilt or MountTiltRule()
+    def __init__(self, mount: Mount, tilt: MountTiltRule) -> None:
         self._carried_rad, self._nodding_rad = tilt.prior, tilt.nod / 2.0
         self.correct_mount(mount)
         self._seen_s, self._carried = -math.inf, Carried()
-        self.seen_up: Array | None = None
         self._edges: tuple[Array, Array] | None = None  # of an earlier picture, in the last frame's optical axes
 
     def predict(self, stamp_s: float) -> Attitude:
@@ -49,14 +43,13 @@ class PicturesAttitude:
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The attitude of the last frame, as the odometry measured it."""
-        self.seen_up = None
         if rotation is None:
             self._edges = None
-            return self._attitude(measured=True, predicted=False)
-        self._edges = self._edges and (self._edges[0] @ rotation.rotation, self._edges[1])
-        self._carried = rotation.carried or self._carried
-        self._up = rotation.rotation.T @ self._up if rotation.up is None else rotation.up
-        self._up_rad = self._up_rad if rotation.up is None else rotation.up_rad
+        else:
+            self._edges = self._edges and (self._edges[0] @ rotation.rotation, self._edges[1])
+            self._carried = rotation.carried or self._carried
+            self._up = rotation.rotation.T @ self._up if rotation.up is None else rotation.up
+            self._up_rad = self._up_rad if rotation.up is None else rotation.up_rad
         return self._attitude(measured=True, predicted=False)
 
     def see_edges(self, normals: Array, lengths: Array) -> RoomAxes | None:
@@ -69,7 +62,6 @@ class PicturesAttitude:
             room = room_axes(*both, self._up, reach_rad)
         if room is None:
             room = room_axes(normals, lengths, self._up, reach_rad)
-        self.seen_up = None if room is None else room.up
         return room
 
     def correct_mount(self, mount: Mount) -> None:

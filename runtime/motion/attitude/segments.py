@@ -7,9 +7,8 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.intrinsics import Intrinsics
-
-Array = NDArray[np.float64]
 
 SHORTEST_SHARE = 0.06  # of the picture's width
 MAXIMUM_SEGMENTS = 100  # the longest ones of a picture

@@ -1,7 +1,10 @@
-"""Sources of the camera's tilt in each step."""
+"""A source of the camera's tilt in each step."""
 
-from collections.abc import Sequence
-from typing import Protocol
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
@@ -10,59 +13,40 @@ from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.trajectory import AttitudeTrack
 
 Moved = tuple[SE2, Array]  # motion of the base over the step before, the gyro left out, and covariance (3, 3)
 NODDING_RAD = MountTiltRule().nod / 2.0  # of a robot on wheels that brakes and rolls over hard floors
 
 
-class AttitudeSource(Protocol):
-    """Fed every frame in order; depends on frames, their stamps and their IMU samples only."""
+class AttitudeSource:
+    """Attitudes that depend on the stamp alone: recorded ones, or the mount's in every frame. `EstimatedAttitude`
+    measures them; any source is fed every frame in order, and depends on frames, their stamps and IMU samples only.
 
-    @property
-    def faults(self) -> Sequence[Fault]:
-        """Those that began in the last `predict`."""
-        ...
+    faults: those that began in the last `predict`.
+    """
 
-    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
+    faults: Sequence[Fault] = ()
+
+    def __init__(self, at: Callable[[float], Attitude]) -> None:
+        """at: the attitude at a stamp."""
+        self._at, self._attitude = at, at(0.0)
+
+    @classmethod
+    def of_mount(cls, mount: Mount) -> "AttitudeSource":
+        """The mount's angles, with the covariance of a robot that nods."""
+        return AttitudeSource(lambda _: Attitude.of_mount(mount, NODDING_RAD))
+
+    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:  # noqa: ARG002
         """The camera's attitude at this frame. moved: of the last step; None where it was not measured."""
-        ...
+        self._attitude = self._at(frame.stamp_s)
+        return self._attitude
 
     def update(self, rotation: TrackedRotation | None) -> Attitude:
-        """The last frame's attitude, updated with its rotation by the odometry; None where it measured none."""
-        ...
-
-
-class MountAttitude:
-    """The mount's angles in every frame, with the covariance of a robot that nods."""
-
-    faults = ()
-
-    def __init__(self, mount: Mount, sigma_rad: float = NODDING_RAD) -> None:
-        self._attitude = Attitude.of_mount(mount, sigma_rad)
-
-    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:  # noqa: ARG002
-        """The mount's attitude, the same in every frame."""
-        return self._attitude
-
-    def update(self, rotation: TrackedRotation | None) -> Attitude:  # noqa: ARG002
-        """The mount's attitude, whatever was tracked."""
-        return self._attitude
-
-
-class RecordedAttitude:
-    """The attitude of recorded 6-DoF poses."""
-
-    faults = ()
-
-    def __init__(self, track: AttitudeTrack, mount: Mount) -> None:
-        self._track, self._height_m, self._seen_s = track, mount.height_m, 0.0
-
-    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:  # noqa: ARG002
-        """Read off the track at the frame's stamp."""
-        self._seen_s = frame.stamp_s
-        return self._track.at(frame.stamp_s, self._height_m)
-
-    def update(self, rotation: TrackedRotation | None) -> Attitude:  # noqa: ARG002
-        """Returns the same attitude: there is no prediction to correct."""
-        return self._track.at(self._seen_s, self._height_m)
+        """The last frame's attitude after its motion: with the tilt of the odometry where that has the smaller
+        covariance; the source keeps its estimate. rotation: by the odometry, None where it measured none."""
+        attitude = self._attitude
+        limit_rad = math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0)
+        if rotation is None or rotation.up is None or rotation.up_rad >= limit_rad:
+            return attitude
+        tracked = Attitude.of_up(rotation.up, np.eye(2) * rotation.up_rad**2, attitude.source)
+        return attitude.held_to(replace(tracked, height_m=attitude.height_m))

@@ -10,8 +10,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation, rotation_angle
 from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.level import up_optical
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, up_optical
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule, heading_slope, rows_of
 from edgemap.geometry.odometry.readout import Readout
@@ -204,8 +203,8 @@ class WindowOdometry:
         self._mount = used
         if turned_rad > self._tilt_rad[0]:
             self._graph.loosen(self._up())
-        if attitude is not None and attitude.predicted and attitude.seen_up is not None and not self._skipped:
-            self._graph.see_up(attitude.seen_up, self._edges_rad)
+        if attitude is not None and attitude.predicted and attitude.room is not None and not self._skipped:
+            self._graph.see_up(attitude.room.up, self._edges_rad)
         return gyro
 
     def _by_window(self) -> Motion:
