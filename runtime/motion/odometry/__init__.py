@@ -23,9 +23,10 @@ from edgemap.runtime.motion.odometry.window import PicturesRule, WindowOdometry
 from edgemap.runtime.motion.odometry_names import HYBRID, is_pose_file, is_tf
 from edgemap.runtime.network.bundle import Bundle
 
-__all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odometry"]
+__all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry"]
 
-HEAD_M = 1.36  # height of the lens of the tallest small robot
+# Height of the lens of the tallest small robot: a higher one counts as carried at first, but on wheels or on a road.
+HEAD_M = 1.36
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,14 +102,10 @@ def hybrid_sources(
     camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules, tilt: MountTiltRule | None = None
 ) -> dict[str, Odometry]:
     """The hybrid's sources: corners in the pictures, wheels where the camera has them, and the gyro."""
-    pictures = WindowOdometry(floor, rules.pictures, rules.coasting, tilt, at_head_height(camera, floor))
+    mount = floor.mount
+    carried = mount.height_m > HEAD_M and camera.info.wheel is None and mount.platform.in_room
+    pictures = WindowOdometry(floor, rules.pictures, rules.coasting, tilt, carried)
     sources: dict[str, Odometry] = {CAMERA: pictures}
     if wheels and camera.info.wheel is not None:
         sources[WHEELS] = RecordedOdometry(camera.info.wheel, WHEELS, rules.wheels)
     return sources | {GYRO: GyroOdometry()}
-
-
-def at_head_height(camera: Camera, floor: FloorCamera) -> bool:
-    """Whether the lens is above those of small robots: such a camera counts as carried at first, unless it rides on
-    wheels or on a road."""
-    return floor.mount.height_m > HEAD_M and camera.info.wheel is None and floor.mount.platform.in_room

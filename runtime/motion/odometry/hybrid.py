@@ -20,8 +20,8 @@ from edgemap.runtime.motion.odometry.protocol import (
     NO_PRIOR,
     FramePrior,
     Motion,
-    MotionState,
     Odometry,
+    blind_motion,
     first_motion,
     no_motion,
     unknown_covariance,
@@ -60,8 +60,8 @@ class HybridOdometry(Odometry):
     """The fused motion of camera, wheels and gyro (`geometry.odometry.consensus`).
 
     A source that is blind, reports a fault or is not finite is left out until it measures again, and the fault names
-    it; where none measures, the motion is a guess (`Coasting`). sources: by name, the most trusted first. health: from
-    which covered share of a picture on the camera is in doubt. Raises ValueError without a source.
+    it; where none measures, the motion is a guess (`Coasting`). sources: by name, the most trusted first, one or more.
+    health: from which covered share of a picture on the camera is in doubt.
     """
 
     name = "hybrid"
@@ -73,12 +73,10 @@ class HybridOdometry(Odometry):
         coasting: CoastingRule | None = None,
         health: HealthRule | None = None,
     ) -> None:
-        if not sources:
-            raise ValueError("a hybrid odometry needs a source")
         self._sources = dict(sources)
         self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
         self._covered_limit = (health or HealthRule()).part_share
-        self._measured = set[str]()
+        self._has_gyro = False
         self._news = {name: StreamTimer(REPEATED_S) for name in self._sources}  # of their faults
         # Of the last step, of the last one in which the sources agreed, and of the last one in which any measured.
         self._last_s = self._agreed_s = self._fused_s = -math.inf
@@ -116,9 +114,8 @@ class HybridOdometry(Odometry):
     ) -> Motion:
         """The motion of a step by those of the sources. covered: as of `FramePrior`; movers: share of the picture that
         people and animals cover."""
-        motions = {name: self._checked(name, motion) for name, motion in motions.items()}
+        motions, news = self._checked(stamp_s, motions)
         from_s, self._last_s = self._last_s, stamp_s
-        news = self._repeated_faults(stamp_s, motions)
         if not math.isfinite(from_s):
             self._agreed_s = self._fused_s = stamp_s
             self._coasting.begin(stamp_s)
@@ -194,23 +191,20 @@ class HybridOdometry(Odometry):
         """The role of each source in a step, as of `Motion.members`."""
         return {n: "used" if n in used else "left_out" if n in alive else "blind" for n in self._sources}
 
-    def _checked(self, name: str, motion: Motion) -> Motion:
-        checked = motion.checked(self._sources[name].name)
-        if checked.measured:
-            self._measured.add(name)
-        elif name == GYRO and name not in self._measured:  # there is none
-            return replace(checked, faults=(), state=MotionState.BLIND)
-        return checked
-
-    def _repeated_faults(self, stamp_s: float, motions: Mapping[str, Motion]) -> list[Fault]:
-        """Faults that are new, or were last reported a while ago."""
+    def _checked(self, stamp_s: float, motions: Mapping[str, Motion]) -> tuple[dict[str, Motion], list[Fault]]:
+        """The motions, those that are invalid as blind ones, and faults that are new or were last reported a while ago.
+        A gyro that has never measured is none."""
+        checked = {name: motion.checked(self._sources[name].name) for name, motion in motions.items()}
+        if GYRO in checked:
+            self._has_gyro |= checked[GYRO].measured
+            checked[GYRO] = checked[GYRO] if self._has_gyro else blind_motion()
         news: list[Fault] = []
-        for name, motion in motions.items():
+        for name, motion in checked.items():
             if not motion.faults:
                 self._news[name].done()
             elif self._news[name].due(stamp_s):
                 news += motion.faults
-        return news
+        return checked, news
 
 
 def _distinct(faults: Iterable[Fault | None]) -> tuple[Fault, ...]:
