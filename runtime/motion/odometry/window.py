@@ -145,10 +145,8 @@ class WindowOdometry(Odometry):
         parallax_px, carried = self._held(self._rule.parallax_px), surprised or self.judged.carried
         self._graph.step(pose, factors, self._tracker.tracks(), parallax_px, carried)
         self._tracker.keep(self._graph.pictures)
-        step = self._by_window()
-        if not step.checked(self.name).measured:  # no track ties the picture to those before
-            return self._started_again(frame, start, factors)
-        return self._measured(step, frame.stamp_s, None if surprised else dt_s, gyro is not None)
+        step = self._measured(frame.stamp_s, None if surprised else dt_s, gyro is not None)
+        return step or self._started_again(frame, start, factors)
 
     def _seek(self) -> None:
         """Replaces missing corners; of a carried camera without depth more are sought."""
@@ -200,31 +198,25 @@ class WindowOdometry(Odometry):
             self._graph.see_up(attitude.seen_up, self._edges_rad)
         return gyro
 
-    def _by_window(self) -> Motion:
-        """The motion since the last picture, by the window's last two poses."""
-        base = self._graph.base(self._graph.poses[-1])
-        motion = (self._base @ self._since).inverse() @ base
-        covariance = self._lasting() * self._graph.covariance
-        by = np.zeros((3, 12))
-        level = self._base.rotation().T
-        before, now = map(heading_slope, self._graph.poses[-2:])
-        by[:2, 3:5], by[:2, 9:11], by[2, :3], by[2, 6:9] = -level, level, -before, now
-        by[0, :3], by[1, :3] = motion.y_m * before, -motion.x_m * before
-        return Motion(motion, by @ covariance @ by.T + LEAST_SIGMA**2 * np.eye(3) + self._since_covariance)
-
-    def _lasting(self) -> float:
-        """Factor on the covariance of a motion, as errors of its scale last; not on what a single motion shows."""
-        return 1.0 + (self._rule.covariance_scale - 1.0) * self._graph.unmeasured()
-
-    def _measured(self, step: Motion, stamp_s: float, dt_s: float | None, gyro: bool) -> Motion:
-        """The motion up to the last picture, and what it shows of the camera. dt_s: between both pictures; None over a
-        gap, whose nod does not show how the camera is held."""
-        (before, pose), motion, total = self._graph.poses[-2:], step.motion, step.covariance
-        covariance = self._lasting() * self._graph.covariance
+    def _measured(self, stamp_s: float, dt_s: float | None, gyro: bool) -> Motion | None:
+        """The motion up to the last picture, by the window's last two poses, and what it shows of the camera; None
+        where no track ties the picture to those before. dt_s: between both pictures; None over a gap, whose nod does
+        not show how the camera is held."""
+        (before, pose), base = self._graph.poses[-2:], self._graph.base(self._graph.poses[-1])
+        motion, level = (self._base @ self._since).inverse() @ base, self._base.rotation().T
+        # Errors of its scale last, those of what a single motion shows do not.
+        lasting = 1.0 + (self._rule.covariance_scale - 1.0) * self._graph.unmeasured()
+        covariance, by, slope = lasting * self._graph.covariance, np.zeros((3, 12)), heading_slope(before)
+        by[:2, 3:5], by[:2, 9:11], by[2, :3], by[2, 6:9] = -level, level, -slope, heading_slope(pose)
+        by[0, :3], by[1, :3] = motion.y_m * slope, -motion.x_m * slope
+        total = by @ covariance @ by.T + LEAST_SIGMA**2 * np.eye(3) + self._since_covariance
+        step = Motion(motion, total, gap=dt_s is None)
+        if not step.checked(self.name).measured:
+            return None
         self._coasting.saw(motion, stamp_s, total)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
-        self._base, self._motion = self._graph.base(pose), motion
-        self._rolling = self._rolling.observe(motion, total / self._lasting())
+        self._base, self._motion = base, motion
+        self._rolling = self._rolling.observe(motion, total / lasting)
         self._graph.axle_m = self._rolling.axle_m
         if dt_s is not None:
             nod = pose.rotation[2] - before.rotation[2]
@@ -232,8 +224,7 @@ class WindowOdometry(Odometry):
             self.judged = self.judged.updated(float(nod @ nod) / 2.0, max(dt_s, SHORTEST_S), path_m, gyro=gyro)
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
         rotation = before.rotation.T @ pose.rotation
-        seen = TrackedRotation(rotation, self.judged, up=pose.rotation[2], up_rad=up_rad)
-        return replace(step, rotation=seen, gap=dt_s is None)
+        return replace(step, rotation=TrackedRotation(rotation, self.judged, up=pose.rotation[2], up_rad=up_rad))
 
     def _started_again(self, frame: Frame, start: LensPose, factors: PoseFactors) -> Motion:
         """A new window, from the expected pose, after a picture that agrees with no motion."""
