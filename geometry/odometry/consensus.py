@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import combinations
 
 import numpy as np
@@ -59,16 +60,8 @@ def consensus(estimates: Mapping[str, MotionEstimate]) -> Consensus:
     for size in range(len(estimates), 0, -1):
         sets = [names for names in combinations(estimates, size) if apart.isdisjoint(combinations(names, 2))]
         if sets:
-            return _between(sets, [_fused(estimates, names) for names in sets])
+            return _between(sets, [reduce(fused, (estimates[name] for name in names)) for names in sets])
     raise ValueError("no measurements")
-
-
-def _fused(estimates: Mapping[str, MotionEstimate], names: Sequence[str]) -> MotionEstimate:
-    """The measurements of some sources as one."""
-    first, *others = (estimates[name] for name in names)
-    for other in others:
-        first = fused(first, other)
-    return first
 
 
 def _between(sets: Sequence[Sequence[str]], motions: Sequence[MotionEstimate]) -> Consensus:

@@ -68,18 +68,47 @@ class WindowRule:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WindowPoints:
-    """N points. ids (N,): of their tracks. host (N,): index of the first pose that observed each. ray (N, 3): there,
-    with z = 1. inverse_m (N,): inverse depth along the optical axis; variance (N,): of it. floor (N,), views (N,): sum
-    of the floor mask's probability and its number of pictures. at (N, S, 2): normalised image points by pose; observed
-    (N, S): where there is one. measured (N, S): inverse depth by pose; NaN where it was not measured. late (N, S, 2):
-    how far `at` would move for each second of the shutter's readout, which `at` and `ray` are corrected by. number
-    (N, S): of each pose's picture; those before a track was found again count as if they came just before that.
-    """
+class Rows:
+    """Arrays with a row for each of N tracks. ids (N,)."""
 
     ids: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def chosen(self, which: Mask | Indices) -> Self:
+        """Those at which the mask (N,) is set, or at these rows."""
+        return type(self)(*(getattr(self, f.name)[which] for f in fields(self)))
+
+    def joined(self, other: Self) -> Self:
+        """These and then the others."""
+        return type(self)(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImagePoints(Rows):
+    """N tracks in one picture. points (N, 2): normalised image points. late (N, 2): how far they would move
+    for each second of the shutter's readout, 0 of new ones. floor (N,): probability that each lies on the floor.
+    inverse_m (N,): measured inverse depths, NaN where none was measured.
+    """
+
+    points: Array
+    late: Array
+    floor: Array
+    inverse_m: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WindowPoints(Rows):
+    """N points. host (N,): index of the first pose that observed each. inverse_m (N,): inverse depth along its optical
+    axis; variance (N,): of it. floor (N,), views (N,): sum of the floor mask's probability and its number of pictures.
+    at (N, S, 2): normalised image points by pose; observed (N, S): where there is one. measured (N, S): inverse depth
+    by pose; NaN where it was not measured. late (N, S, 2): how far `at` would move for each second of the shutter's
+    readout, which it is corrected by. number (N, S): of each pose's picture; those before a track was found again count
+    as if they came just before that.
+    """
+
     host: Indices
-    ray: Array
     inverse_m: Array
     variance: Array
     floor: Array
@@ -90,8 +119,10 @@ class WindowPoints:
     late: Array
     number: Array
 
-    def __len__(self) -> int:
-        return len(self.ids)
+    @property
+    def ray(self) -> Array:
+        """From their hosts, (N, 3), with z = 1."""
+        return np.column_stack([self.at[np.arange(len(self)), self.host], np.ones(len(self))])
 
     @property
     def on_floor(self) -> Mask:
@@ -102,14 +133,6 @@ class WindowPoints:
     def known(self) -> Mask:
         """Those whose inverse depth is known to `KNOWN_SHARE` of it, (N,)."""
         return np.sqrt(self.variance) < KNOWN_SHARE * self.inverse_m
-
-    def chosen(self, which: Mask) -> Self:
-        """The points at which the mask (N,) is set."""
-        return type(self)(*(getattr(self, f.name)[which] for f in fields(self)))
-
-    def joined(self, other: Self) -> Self:
-        """These and then the others."""
-        return type(self)(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
 
 
 class Tracks:
@@ -192,78 +215,72 @@ class KeyframeWindow:
     """The window's state. The last pose is the newest picture; those before it are keyframes.
 
     focal_px: of the pictures in which tracks are. reach_heights: range, in heights of the lens, beyond which no point
-    counts as floor. readout: of the shutter, estimated with the poses. late (N, 2) of any method: as of `WindowPoints`.
+    counts as floor. readout: of the shutter, estimated with the poses. axle_m: of the wheels, so far behind the base's
+    origin.
     """
 
     def __init__(
-        self, rule: WindowRule, focal_px: float, mount: Mount, reach_heights: float, readout: Readout | None = None
+        self,
+        rule: WindowRule,
+        focal_px: float,
+        mount: Mount,
+        reach_heights: float,
+        readout: Readout | None = None,
+        axle_m: float = 0.0,
     ) -> None:
         self._rule, self._focal_px, self._reach_heights = rule, focal_px, reach_heights
         self._reverse = SE2(-mount.forward_m, -mount.left_m, 0.0)
-        self.move_axle(0.0)
+        self.axle_m = axle_m
         self._slots = rule.keyframes + 1
-        self._sigmas, self._parallax = (rule.track_px / focal_px, rule.depth_sigma), 1.0 / focal_px
-        self._carried, self.readout = True, readout or Readout()
+        self._sigmas, self.readout = (rule.track_px / focal_px, rule.depth_sigma), readout or Readout()
         self._readout_s = self.readout.time_s  # that the points are corrected by
         self._levels_m, self._means_inverse_m = np.zeros(self._slots), np.full(self._slots, ANY[0])  # as of `Columns`
         self.poses: list[LensPose] = []
         self.pictures: list[int] = []  # number of each pose's picture
         self._factors: list[PoseFactors] = []
         self._prior: tuple[Array, Array, list[LensPose]] = np.zeros((0, 0)), np.zeros(0), []
-        self._covariance = np.zeros((0, 0))
+        self.covariance = np.zeros((0, 0))  # (12, 12), of the pose before the last one and of the last one
         self._grown = True  # the last picture's predecessor became a keyframe
         none, pair, one = np.zeros(0), np.zeros((0, self._slots, 2)), np.zeros((0, self._slots))
         number, index = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.intp)
-        self.points = WindowPoints(
-            number, index, np.zeros((0, 3)), none, none, none, none, pair, one.astype(bool), one, pair, one
-        )
+        self.points = WindowPoints(number, index, none, none, none, none, pair, one.astype(bool), one, pair, one)
 
     def step(
         self,
         start: LensPose,
         factors: PoseFactors,
-        ids: NDArray[np.int64],
-        points: Array,
-        floor: Array,
-        measured: Array | None = None,
-        late: Array | None = None,
+        seen: ImagePoints,
         parallax_px: float = 15.0,
         carried: bool = True,
     ) -> None:
         """Adds a picture with its tracks and optimises the window.
 
-        start: its pose, by `resected`. ids (N,), points (N, 2), floor (N,): tracks, their normalised image points, and
-        the probability that each lies on the floor. measured (N,): their inverse depths, NaN where none was measured.
-        parallax_px: the picture before becomes a keyframe where the tracks have moved by so much since the last one,
-        the rotation aside. carried: the camera swings: more rounds, wide gates at first.
+        start: its pose, by `resected`. parallax_px: the picture before becomes a keyframe where the tracks have moved
+        by so much since the last one, the rotation aside. carried: the camera swings: more rounds, wide gates at first.
         """
-        measured = np.full(len(ids), np.nan) if measured is None else measured
-        late = np.zeros((len(ids), 2)) if late is None else late
         first = not self.poses
-        self._parallax, self._carried = parallax_px / self._focal_px, carried
         if first:
             self._prior = np.diag(ORIGIN), np.zeros(6), [start]
         else:
-            self._make_room()
+            self._make_room(parallax_px / self._focal_px)
             self._means_inverse_m[len(self.poses)] = self._means_inverse_m[len(self.poses) - 1]
         self.poses, self._factors = [*self.poses, start], [*self._factors, factors]
         self.pictures.append(0 if first else self.pictures[-1] + 1)
-        rows = rows_of(self.points.ids, ids)
-        hit, last = rows >= 0, len(self.poses) - 1
-        self.points.observed[:, last], self.points.number[:, last] = hit, self.pictures[-1]
-        self.points.at[hit, last] = (points - self._readout_s * late)[rows[hit]]
-        self.points.late[hit, last] = late[rows[hit]]
-        self.points.measured[:, last] = np.where(hit, measured[rows], np.nan) if len(ids) else np.nan
-        self.points.floor[hit] += floor[rows[hit]]
-        self.points.views[hit] += 1.0
+        points, rows, last = self.points, rows_of(self.points.ids, seen.ids), len(self.poses) - 1
+        hit, again = rows >= 0, seen.chosen(rows[rows >= 0])
+        points.observed[:, last], points.number[:, last], points.measured[:, last] = hit, self.pictures[-1], np.nan
+        points.at[hit, last] = again.points - self._readout_s * again.late
+        points.late[hit, last], points.measured[hit, last] = again.late, again.inverse_m
+        points.floor[hit] += again.floor
+        points.views[hit] += 1.0
         if not first:
-            self._solve()
-        new = np.setdiff1d(np.arange(len(ids)), rows[hit])
-        self.add(ids[new], points[new], floor[new], measured[new], late[new])
+            self._solve(carried)
+        self.add(seen.chosen(np.setdiff1d(np.arange(len(seen)), rows[hit])))
 
-    def move_axle(self, axle_m: float) -> None:
-        """The wheels' axle is so far behind the base's origin."""
-        self._lever_m = np.array([self._reverse.x_m - axle_m, self._reverse.y_m])
+    @property
+    def _lever_m(self) -> Array:
+        """Of the axle from the lens, (2,)."""
+        return np.array([self._reverse.x_m - self.axle_m, self._reverse.y_m])
 
     def see_up(self, up: Array, sigma_rad: float) -> None:
         """Adds up (3,), optical axes of the last pose, as a room's edges show it; beyond `CLEAR_SIGMAS` from the
@@ -271,7 +288,7 @@ class KeyframeWindow:
         if not self.poses:
             return
         alone = len(self.poses) == 1
-        variance = self._factors[-1].up_rad ** 2 if alone else float(np.trace(self.covariance()[6:8, 6:8])) / 2.0
+        variance = self._factors[-1].up_rad ** 2 if alone else float(np.trace(self.covariance[6:8, 6:8])) / 2.0
         off = float(np.linalg.norm(_cross(up, self.poses[-1].rotation[2])))
         wide_rad = sigma_rad * max(off / (CLEAR_SIGMAS * math.sqrt(sigma_rad**2 + variance)), 1.0)
         self._factors[-1] = replace(self._factors[-1], edges=up, edges_rad=wide_rad)
@@ -284,10 +301,6 @@ class KeyframeWindow:
             self._factors = [replace(one, up=up, up_rad=max(one.up_rad, UNHELD_RAD)) for one in self._factors]
             self._prior = np.diag(ORIGIN), np.zeros(6), self.poses[:1]
 
-    def covariance(self) -> Array:
-        """(12, 12) of the poses before the last one and of the last one, as of the last solution."""
-        return self._covariance[-12:, -12:]
-
     def unmeasured(self) -> float:
         """Share of the last picture's points whose depths are not measured; 1 without points."""
         last = len(self.poses) - 1
@@ -298,23 +311,16 @@ class KeyframeWindow:
         """Points of these tracks in a lens's optical axes, (N, 3); NaN for those that are not in the window."""
         rows = rows_of(ids, self.points.ids)
         local = np.full((len(ids), 3), np.nan)
-        if len(self.points):
-            local[rows >= 0] = self._local(self.points, pose)[rows[rows >= 0]]
+        local[rows >= 0] = self._local(self.points, pose)[rows[rows >= 0]]
         return local
 
     def resected(
-        self,
-        start: LensPose,
-        ids: NDArray[np.int64],
-        points: Array,
-        late: Array | None = None,
-        factors: PoseFactors | None = None,
+        self, start: LensPose, tracks: ImagePoints, factors: PoseFactors | None = None
     ) -> tuple[LensPose, float]:
-        """The pose near an expected one where tracks, as of `step`, agree with the points as they are and with the
-        picture's factors, and the weight of those that do."""
-        rows = rows_of(self.points.ids, ids)
-        points = points if late is None else points - self._readout_s * late
-        kept, seen = self.points.chosen(rows >= 0), points[rows[rows >= 0]]
+        """The pose near an expected one where tracks agree with the points as they are and with the picture's factors,
+        and the weight of those that do."""
+        rows = rows_of(self.points.ids, tracks.ids)
+        kept, seen = self.points.chosen(rows >= 0), (tracks.points - self._readout_s * tracks.late)[rows[rows >= 0]]
         if not len(kept):
             return start, 0.0
         world, along = self._world(kept)
@@ -334,10 +340,9 @@ class KeyframeWindow:
 
     def _world(self, points: WindowPoints) -> tuple[Array, Array]:
         """Points (N, 3) in the world, and their derivative by the depth."""
-        rotation = np.array([pose.rotation for pose in self.poses])[points.host]
-        position = np.array([pose.position_m for pose in self.poses])[points.host]
-        along = np.einsum("nij,nj->ni", rotation, points.ray)
-        return position + along / points.inverse_m[:, None], along
+        rotation, position = self._arrays()
+        along = np.einsum("nij,nj->ni", rotation[points.host], points.ray)
+        return position[points.host] + along / points.inverse_m[:, None], along
 
     def _local(self, points: WindowPoints, pose: LensPose) -> Array:
         """Points (N, 3) in a lens's optical axes."""
@@ -345,12 +350,12 @@ class KeyframeWindow:
 
     def begin_again(self, ids: NDArray[np.int64], points: Array, late: Array) -> None:
         """The points that only the last picture shows start again, as their motion since shows when their rows were
-        exposed. points (N, 2): of these tracks in that picture."""
+        exposed. ids, points, late: as of `ImagePoints`, of the tracks in that picture."""
         last, rows = len(self.poses) - 1, rows_of(self.points.ids, ids)
         new = (rows >= 0) & (self.points.host == last) & (self.points.observed.sum(axis=1) == 1)
         mine, rows = self.points.chosen(new), rows[new]
         self.points = self.points.chosen(~new)
-        self.add(mine.ids, points[rows], mine.floor, mine.measured[:, last], late[rows])
+        self.add(ImagePoints(mine.ids, points[rows], late[rows], mine.floor, mine.measured[:, last]))
 
     def lost(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.int64], Indices]:
         """Points of known depth that are not among these tracks and were last observed before the last pose: their ids
@@ -367,7 +372,7 @@ class KeyframeWindow:
 
     def average_late(self, ids: NDArray[np.int64], late: Array) -> None:
         """The velocity of the last picture's points becomes the mean of those before and after it (central difference).
-        late (N, 2): of these tracks in that picture, by the motion after it."""
+        ids, late: as of `ImagePoints`, of tracks in that picture, by the motion after it."""
         last, rows = len(self.poses) - 1, rows_of(ids, self.points.ids)
         mine = rows[rows >= 0]
         before = self.points.late[mine, last]
@@ -375,36 +380,36 @@ class KeyframeWindow:
         self.points.at[mine, last] += self._readout_s * (before - central)
         self.points.late[mine, last] = central
 
-    def add(self, ids: NDArray[np.int64], points: Array, floor: Array, measured: Array, late: Array) -> None:
+    def add(self, new: ImagePoints) -> None:
         """New points, hosted by the last pose."""
-        count, last, pose = len(ids), len(self.poses) - 1, self.poses[-1]
-        points = points - self._readout_s * late
+        count, last, pose = len(new), len(self.poses) - 1, self.poses[-1]
+        points = new.points - self._readout_s * new.late
         ray = np.column_stack([points, np.ones(count)])
         on_floor = -(ray @ pose.rotation[2]) / pose.position_m[2]
-        is_floor = (floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / self._reach_heights)
+        is_floor = (new.floor >= 0.5) & (on_floor * pose.position_m[2] > 1.0 / self._reach_heights)
         inverse = np.where(is_floor, on_floor, np.maximum(self._means_inverse_m[last], on_floor))
         variance = np.where(is_floor, 0.05 * on_floor, np.maximum(ANY[1], 0.5 * on_floor)) ** 2
-        finite = np.isfinite(measured)
-        inverse = np.where(finite, measured, inverse)
+        finite = np.isfinite(new.inverse_m)
+        inverse = np.where(finite, new.inverse_m, inverse)
         variance = np.where(finite, self._rule.depth_sigma**2, variance)
         at, observed = np.zeros((count, self._slots, 2)), np.zeros((count, self._slots), dtype=bool)
         depths = np.full((count, self._slots), np.nan)
-        at[:, last], observed[:, last], depths[:, last] = points, True, measured
+        at[:, last], observed[:, last], depths[:, last] = points, True, new.inverse_m
         moves, number = np.zeros_like(at), np.zeros_like(depths)
-        moves[:, last], number[:, last] = late, self.pictures[-1]
+        moves[:, last], number[:, last] = new.late, self.pictures[-1]
         host, views = np.full(count, last), np.ones(count)
-        new = WindowPoints(ids, host, ray, inverse, variance, floor + 0.0, views, at, observed, depths, moves, number)
-        self.points = self.points.joined(new)
+        state = inverse, variance, new.floor + 0.0, views
+        self.points = self.points.joined(WindowPoints(new.ids, host, *state, at, observed, depths, moves, number))
 
-    def bridge(self, ids: NDArray[np.int64], now: Array, turn: Array, way: Array) -> LensPose:
-        """The pose of a picture far from the last one, by the direction of the motion between both.
+    def bridge(self, now: ImagePoints, turn: Array, way: Array) -> LensPose:
+        """The pose of a picture far from the last one, which shows these tracks, by the direction of the motion between
+        both.
 
-        ids (N,), now (N, 2): tracks, and their normalised image points there. turn (3, 3), way (3,): rotation and
-        direction that take points of the last lens into the far one. Points with depth give the length; it gives the
-        depths of the others.
+        turn (3, 3), way (3,): rotation and direction that take points of the last lens into the far one. Points with
+        depth give the length; it gives the depths of the others.
         """
-        last, rows = self.poses[-1], rows_of(self.points.ids, ids)
-        mine, seen = rows >= 0, np.column_stack([now, np.ones(len(now))])[rows[rows >= 0]]
+        last, rows = self.poses[-1], rows_of(self.points.ids, now.ids)
+        mine, seen = rows >= 0, np.column_stack([now.points, np.ones(len(now))])[rows[rows >= 0]]
         local_m = self._local(self.points.chosen(mine), last)
         depth_m = local_m[:, 2]
         by_depth, by_length = _cross(seen, local_m / depth_m[:, None] @ turn.T), _cross(seen, way)
@@ -418,7 +423,7 @@ class KeyframeWindow:
             self.points.inverse_m[mine] = inverse
         return last @ LensPose(turn, length_m * way).inverse()
 
-    def _solve(self) -> None:
+    def _solve(self, carried: bool) -> None:
         """Gauss-Newton over all poses and points. Factors and prior are linearised once."""
         count, everyone = len(self.poses), np.arange(len(self.poses))
         rotation, position = self._arrays()
@@ -434,7 +439,8 @@ class KeyframeWindow:
         fixed[np.diag_indices(column.count)] += 1e-9
         information = fixed
         tracks = Tracks(self.points, count, self._sigmas)
-        for scale in self._rounds(measured=tracks.at.shape[1] == 3):
+        short, measured = FEWER_ROUNDS if carried or self._grown else LEAST_ROUNDS, tracks.at.shape[1] == 3
+        for scale in CARRIED_ROUNDS if carried and not measured else short:
             system = self._system(tracks, self.points, rotation, position, scale)
             information, right = system.reduced()
             information += fixed
@@ -447,27 +453,17 @@ class KeyframeWindow:
             self.points = replace(self.points, inverse_m=inverse, variance=1.0 / system.depths)
             self._levels_m[:count] += step[column.levels]
             self._means_inverse_m[:count] += step[column.means]
-            self._retime(float(step[column.readout]), tracks)
+            longer_s = float(step[column.readout])
+            self._readout_s += longer_s
+            self.points.at[:] -= longer_s * self.points.late
+            tracks.at[:, :2] -= longer_s * tracks.late
         self.poses = [LensPose(*pose) for pose in zip(rotation, position, strict=True)]
         wanted = np.eye(column.count)[:, size - 12 : size + 1]  # the last two poses and the readout
         covariance = np.asarray(np.linalg.solve(information, wanted), dtype=np.float64)
-        self._covariance = covariance[size - 12 : size, :12]
+        self.covariance = covariance[size - 12 : size, :12]
         if self._grown:
             added = 1.0 / float(covariance[column.readout, 12]) - prior.information
             self.readout = prior.updated(self._readout_s, added, 1.0 / self._rule.keyframes)
-
-    def _retime(self, longer_s: float, tracks: "Tracks") -> None:
-        """The readout takes so much longer."""
-        points, everyone = self.points, np.arange(len(self.points))
-        self._readout_s += longer_s
-        points.at[:] -= longer_s * points.late
-        points.ray[:, :2] -= longer_s * points.late[everyone, points.host]
-        tracks.at[:, :2] -= longer_s * tracks.late
-
-    def _rounds(self, measured: bool) -> Sequence[float]:
-        if self._carried:
-            return FEWER_ROUNDS if measured else CARRIED_ROUNDS
-        return FEWER_ROUNDS if self._grown else LEAST_ROUNDS
 
     def _arrays(self) -> tuple[Array, Array]:
         return np.array([pose.rotation for pose in self.poses]), np.array([pose.position_m for pose in self.poses])
@@ -478,7 +474,7 @@ class KeyframeWindow:
         lens = SE2(pose.position_m[0], pose.position_m[1], math.atan2(ahead[1], ahead[0]))
         return lens @ self._reverse
 
-    def _system(self, tracks: "Tracks", points: WindowPoints, rotation: Array, position: Array, scale: float) -> System:
+    def _system(self, tracks: Tracks, points: WindowPoints, rotation: Array, position: Array, scale: float) -> System:
         """Normal equations of tracks, measured depths and points on the floor. scale: factor on the gates."""
         rule, count, number = self._rule, len(rotation), len(points)
         host, inverse, everyone = points.host, points.inverse_m, np.arange(number)
@@ -589,12 +585,13 @@ class KeyframeWindow:
         information[:size, :size] += prior
         right[:size] += gradient - prior @ np.concatenate(moved)
 
-    def _make_room(self) -> None:
-        """Before a new picture: the newest one becomes a keyframe or leaves, and so does the oldest keyframe."""
+    def _make_room(self, parallax: float) -> None:
+        """Before a new picture: the newest one becomes a keyframe or leaves, and so does the oldest keyframe. parallax:
+        normalised motion of the tracks from which on it is one."""
         last, self._grown = len(self.poses) - 1, True
         used = self.points.observed.sum(axis=1) > 1
         self.points = self.points.chosen(used | self.points.observed[:, last])
-        if last >= 2 and not self._is_keyframe(last - 1):
+        if last >= 2 and not self._is_keyframe(last - 1, parallax):
             self._grown = False
             self._rehost(last - 1, last)
             turn = self.poses[last].rotation.T @ self.poses[last - 1].rotation
@@ -607,7 +604,7 @@ class KeyframeWindow:
         elif len(self.poses) == self._slots:
             self._marginalise()
 
-    def _is_keyframe(self, index: int) -> bool:
+    def _is_keyframe(self, index: int, least: float) -> bool:
         """Whether the second newest pose must stay, by the tracks that the pose before it shares with the newest."""
         first, last = self.poses[index - 1], self.poses[-1]
         before, now = self.points.observed[:, index - 1], self.points.observed[:, len(self.poses) - 1]
@@ -617,7 +614,7 @@ class KeyframeWindow:
         rays = np.column_stack([self.points.at[both, index - 1], np.ones(both.sum())])
         turned = rays @ first.rotation.T @ last.rotation
         parallax = turned[:, :2] / turned[:, 2:] - self.points.at[both, len(self.poses) - 1]
-        return float(np.median(np.hypot(*parallax.T))) > self._parallax
+        return float(np.median(np.hypot(*parallax.T))) > least
 
     def _rehost(self, old: int, new: int) -> None:
         """Points hosted by one pose start again at another, without their prior depth; those not observed there are
@@ -626,7 +623,6 @@ class KeyframeWindow:
         here = mine & points.observed[:, new]
         depth = self._local(points.chosen(here), self.poses[new])[:, 2]
         points.inverse_m[here] = np.clip(1.0 / np.maximum(depth, 0.05), FARTHEST, NEAREST)
-        points.ray[here] = np.column_stack([points.at[here, new], np.ones(here.sum())])
         points.host[here], points.observed[here, :new] = new, False
         self.points = points.chosen(~mine | here)
 

@@ -45,15 +45,11 @@ class Rolling:
         return math.hypot(slides, self.axle_sigma_m * moved.yaw_rad)
 
     def observe(self, moved: SE2, covariance: Array) -> "Rolling":
-        """Update the axle with a motion of the lens and its covariance (3, 3)."""
-        return self.learnt(self.lateral_m(moved), float(covariance[1, 1]), moved.yaw_rad)
-
-    def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> "Rolling":
-        """Kalman update of the axle with one motion whose lateral residual was measured."""
+        """Kalman update of the axle with the lateral residual of a motion of the lens. covariance: (3, 3)."""
         if self.axle_sigma_m == 0.0:
             return self
-        prior = self.axle_sigma_m**2
-        expected_m2 = variance_m2 + MEASURED_M**2 + prior * yaw_rad**2
+        prior, lateral_m, yaw_rad = self.axle_sigma_m**2, self.lateral_m(moved), moved.yaw_rad
+        expected_m2 = float(covariance[1, 1]) + MEASURED_M**2 + prior * yaw_rad**2
         trusted = float(tukey(np.array(lateral_m**2 / expected_m2)))  # what drives sideways shows no axle
         gain = trusted * prior * yaw_rad / expected_m2
         sigma = math.sqrt(max(prior * (1.0 - gain * yaw_rad), FOLLOWED_M**2))

@@ -56,12 +56,11 @@ class Heading:
 @dataclass(frozen=True, slots=True)
 class RoomView:
     """direction_rad: a level direction of the room, from the odometry's heading at the start. variance_rad2: of it.
-    drift_rad2: variance of the odometry's heading since the view before."""
+    odometry_rad2: variance of the odometry's heading there."""
 
-    at: Heading
     direction_rad: float
     variance_rad2: float
-    drift_rad2: float
+    odometry_rad2: float
 
 
 def _initial_prior(error_rad: float) -> Prior:
@@ -98,7 +97,7 @@ class RoomCompass:
         """Variance of the heading since the start as the room bounds it; infinite where no view does, rad^2."""
         if not self.views:
             return math.inf
-        since_rad2 = self.past[-1].variance_rad2 - self.views[-1].at.variance_rad2
+        since_rad2 = self.past[-1].variance_rad2 - self.views[-1].odometry_rad2
         return self.unobserved_rad2 + self.error_rad2 + since_rad2 + (self.error_rad + self.corrected_rad) ** 2
 
     def predict(self, stamp_s: float, yaw_rad: float, variance_rad2: float) -> "RoomCompass":
@@ -115,26 +114,21 @@ class RoomCompass:
         if at is None or room.level_rad is None:
             return self
         direction_rad, variance_rad2 = at.yaw_rad + room.level_rad, room.sigma_rad**2 + self.rule.view_rad**2
-        if not self.views:
-            begun = replace(self, unobserved_rad2=self.unobserved_rad2 + at.variance_rad2)
-            return begun._smoothed((RoomView(at, direction_rad, variance_rad2, 0.0),))
-        last = self.views[-1]
-        drift_rad2 = max(at.variance_rad2 - last.at.variance_rad2, CERTAIN_RAD2)
-        if drift_rad2 > AMBIGUOUS_RAD**2:
-            unobserved_rad2 = self.unobserved_rad2 + self.error_rad2 + drift_rad2
+        drift_rad2 = at.variance_rad2 - (self.views[-1].odometry_rad2 if self.views else 0.0)
+        if not self.views or drift_rad2 > AMBIGUOUS_RAD**2:
             begun = replace(
                 self,
                 prior=_initial_prior(self.error_rad),
                 wings_rad=(),
                 unexplained_rad=(),
-                unobserved_rad2=unobserved_rad2,
+                unobserved_rad2=self.unobserved_rad2 + self.error_rad2 + drift_rad2,
             )
-            return begun._smoothed((RoomView(at, direction_rad, variance_rad2, 0.0),))
+            return begun._smoothed((RoomView(direction_rad, variance_rad2, at.variance_rad2),))
         expected_rad = self.room_rad + self.error_rad
         off_rad = min((_wrapped(direction_rad - expected_rad - wing) for wing in (0.0, *self.wings_rad)), key=abs)
-        if abs(off_rad) > CLEAR_SIGMAS * math.sqrt(2.0 * variance_rad2 + drift_rad2):
+        if abs(off_rad) > CLEAR_SIGMAS * math.sqrt(2.0 * variance_rad2 + max(drift_rad2, CERTAIN_RAD2)):
             return self._unexplained(_wrapped(direction_rad - expected_rad))
-        view = RoomView(at, expected_rad + off_rad, variance_rad2, drift_rad2)
+        view = RoomView(expected_rad + off_rad, variance_rad2, at.variance_rad2)
         return replace(self, unexplained_rad=())._smoothed((*self.views, view))
 
     def correct(self, span_s: float) -> "tuple[RoomCompass, float]":
@@ -155,41 +149,29 @@ class RoomCompass:
         """The drift at each view and the room's direction, by reweighted least squares (Geman and McClure)."""
         count, directions = len(views), np.array([view.direction_rad for view in views])
         variance = np.array([view.variance_rad2 for view in views])
-        drift_weight = 1.0 / np.array([view.drift_rad2 for view in views[1:]])
-        place, ends = np.arange(count), np.array([0, count])
-        fixed, fixed_rhs = np.zeros((count + 1, count + 1)), np.zeros(count + 1)
-        fixed[place[:-1], place[:-1]] += drift_weight
-        fixed[place[1:], place[1:]] += drift_weight
-        fixed[place[1:], place[:-1]] = fixed[place[:-1], place[1:]] = -drift_weight
-        fixed[np.ix_(ends, ends)] += self.prior[0]
-        fixed_rhs[ends] += self.prior[1]
+        drift_rad2 = np.maximum(np.diff([view.odometry_rad2 for view in views]), CERTAIN_RAD2)
+        drifts, ends = np.diff(np.eye(count, count + 1), axis=0), np.ix_([0, count], [0, count])
+        fixed, fixed_rhs = drifts.T / drift_rad2 @ drifts, np.zeros(count + 1)
+        fixed[ends] += self.prior[0]
+        fixed_rhs[[0, count]] += self.prior[1]
         weight, solution, normal = 1.0 / variance, fixed_rhs, fixed
         for _ in range(ROUNDS):
-            normal, rhs = fixed.copy(), fixed_rhs.copy()
-            normal[place, place] += weight
-            normal[place, count] += weight
-            normal[count, place] += weight
-            normal[count, count] += weight.sum()
-            rhs[:count] += weight * directions
-            rhs[count] += weight @ directions
+            normal = fixed + np.diag(np.append(weight, weight.sum()))
+            normal[:count, count] += weight
+            normal[count, :count] += weight
+            rhs = fixed_rhs + np.append(weight * directions, weight @ directions)
             solution = np.linalg.solve(normal, rhs)
             residual2 = (directions - solution[:count] - solution[count]) ** 2 / variance
             weight = 1.0 / (variance * (1.0 + residual2 / self.rule.outlier**2) ** 2)
+        error_rad, room_rad = solution[-2:].tolist()
         error_rad2 = float(np.linalg.inv(normal)[count - 1, count - 1])
-        solved = replace(
-            self,
-            views=views,
-            error_rad=float(solution[count - 1]),
-            room_rad=float(solution[count]),
-            error_rad2=error_rad2,
-        )
-        return solved._marginalised(float(weight[0])) if count > VIEWS else solved
+        solved = replace(self, views=views, error_rad=error_rad, room_rad=room_rad, error_rad2=error_rad2)
+        return solved._marginalised(float(weight[0]), float(drift_rad2[0])) if count > VIEWS else solved
 
-    def _marginalised(self, weight: float) -> "RoomCompass":
-        """Marginalises the first view, which had this weight, rad^-2, into the prior."""
-        first, second = self.views[:2]
+    def _marginalised(self, weight: float, drift_rad2: float) -> "RoomCompass":
+        """Marginalises the first view, which had this weight, rad^-2, into the prior. drift_rad2: up to the next."""
         covariance = np.linalg.inv(self.prior[0] + weight)
-        mean = covariance @ (self.prior[1] + weight * first.direction_rad)
-        covariance[0, 0] += second.drift_rad2
+        mean = covariance @ (self.prior[1] + weight * self.views[0].direction_rad)
+        covariance[0, 0] += drift_rad2
         information = np.linalg.inv(covariance)
         return replace(self, views=self.views[1:], prior=(information, information @ mean))

@@ -70,42 +70,30 @@ class FactorRows:
     def rows(self, rotation: Array, position: Array, poses: Indices, gaps: Indices) -> tuple[Array, Array]:
         """Whitened rows (K, 6 S) and residuals (K,) of gravity and height of some poses, and of what lies between some
         poses and those before. rotation (S, 3, 3), position (S, 3): of all poses."""
-        count, number, between = len(rotation), len(poses), len(gaps)
-        indices = np.arange(number)
-        parts, off = [], []
+        count, indices, between, before = len(rotation), np.arange(len(poses)), np.arange(len(gaps)), gaps - 1
         up_weight, height_weight, gyro_weight, rise_weight = self._weights
         up = np.einsum("nij,nj->ni", rotation[poses], self._up[poses]) * up_weight[poses, None]
-        level = np.zeros((number, 3, count, 6))
+        level = np.zeros((len(poses), 3, count, 6))
         level[indices, 0, poses, 1], level[indices, 0, poses, 2] = up[:, 2], -up[:, 1]
         level[indices, 1, poses, 0], level[indices, 1, poses, 2] = -up[:, 2], up[:, 0]
         level[indices, 2, poses, 5] = height_weight[poses]
         high = (self._height_m[poses] - position[poses, 2]) * height_weight[poses]
-        parts.append(level.reshape(-1, 6 * count))
-        off.append(np.column_stack([-up[:, :2], high]).ravel())
-        if between:
-            indices, before = np.arange(between), gaps - 1
-            turned = rotation[before] @ self._gyro[gaps] @ rotation[gaps].transpose(0, 2, 1)
-            weight = np.column_stack([*[gyro_weight[gaps]] * 3, rise_weight[gaps]])
-            residual = np.column_stack(
-                [
-                    turned[:, 2, 1] - turned[:, 1, 2],
-                    turned[:, 0, 2] - turned[:, 2, 0],
-                    turned[:, 1, 0] - turned[:, 0, 1],
-                    2.0 * (position[before, 2] - position[gaps, 2]),
-                ]
-            )
-            off_gyro = (residual[:, :3] * weight[:, :3] / 2.0) ** 2
-            weight[:, :3] /= np.sqrt(1.0 + off_gyro.sum(axis=1) / DENIED**2)[:, None]
-            gap = np.zeros((between, 4, count, 6))
-            for row, column in enumerate((0, 1, 2, 5)):
-                gap[indices, row, gaps, column], gap[indices, row, before, column] = weight[:, row], -weight[:, row]
-            parts.append(gap.reshape(-1, 6 * count))
-            off.append((residual * weight / 2.0).ravel())
-            if self._slip_weight[gaps].any():
-                rolling, slipped = self._rolling(rotation, position, gaps)
-                parts.append(rolling)
-                off.append(slipped)
-        return np.concatenate(parts), np.concatenate(off)
+        turned = rotation[before] @ self._gyro[gaps] @ rotation[gaps].transpose(0, 2, 1)
+        twice = (turned - turned.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
+        residual = np.column_stack([twice, 2.0 * (position[before, 2] - position[gaps, 2])])
+        weight = np.column_stack([*[gyro_weight[gaps]] * 3, rise_weight[gaps]])
+        off_gyro = (twice * weight[:, :3] / 2.0) ** 2
+        weight[:, :3] /= np.sqrt(1.0 + off_gyro.sum(axis=1) / DENIED**2)[:, None]
+        gap = np.zeros((len(gaps), 4, count, 6))
+        for row, column in enumerate((0, 1, 2, 5)):
+            gap[between, row, gaps, column], gap[between, row, before, column] = weight[:, row], -weight[:, row]
+        rows = [level.reshape(-1, 6 * count), gap.reshape(-1, 6 * count)]
+        off = [np.column_stack([-up[:, :2], high]).ravel(), (residual * weight / 2.0).ravel()]
+        if self._slip_weight[gaps].any():
+            rolling, slipped = self._rolling(rotation, position, gaps)
+            rows.append(rolling)
+            off.append(slipped)
+        return np.concatenate(rows), np.concatenate(off)
 
     def _rolling(self, rotation: Array, position: Array, gaps: Indices) -> tuple[Array, Array]:
         """Rows and residuals of the axle's motion across its chord, between some poses and those before."""

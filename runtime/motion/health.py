@@ -93,7 +93,9 @@ class HealthMonitor:
         changed = last is None or not np.array_equal(grid, last)
         if changed:
             self._changed_s = frame.stamp_s
-        small = _small(half)
+        step = max(1, half.shape[1] // WORKING_WIDTH)
+        small_size = half.shape[1] // step, max(1, half.shape[0] // step)
+        small = cv2.resize(half, small_size, interpolation=cv2.INTER_AREA)
         fine = cv2.blur(small, (FINE_PX, FINE_PX))
         structure = cv2.absdiff(fine, cv2.blur(fine, (COARSE_PX, COARSE_PX)))
         kind, detail = _content(small, fine, structure, self._rule)
@@ -146,12 +148,6 @@ class HealthMonitor:
             self._news.done()
         news = kind is not FaultKind.REPEATED and self._news.due(stamp_s)
         return PictureHealth(self._blindness, self._blindness if news else None)
-
-
-def _small(half: NDArray[np.uint8]) -> MatLike:
-    height, width = half.shape
-    step = max(1, width // WORKING_WIDTH)
-    return cv2.resize(half, (width // step, max(1, height // step)), interpolation=cv2.INTER_AREA)
 
 
 def _tile_maxima(values: MatLike) -> NDArray[np.uint8]:

@@ -81,16 +81,13 @@ class MotionJudge:
         """What is wrong with a source, in words; empty where nothing is, or it cannot be judged yet. lengths: whether
         it measures lengths, or yaw alone."""
         compared = self._compared(path)
-        if compared is None:
-            return ""
         return self._late(path, compared) or self._yaw(compared) or (self._length(compared) if lengths else "")
 
     def delay(self, path: Path) -> str:
         """By how much a source's yaw follows late or early, in words; empty as of `judge`."""
-        compared = self._compared(path)
-        return "" if compared is None else self._late(path, compared)
+        return self._late(path, self._compared(path))
 
-    def _late(self, path: Path, compared: "_Compared") -> str:
+    def _late(self, path: Path, compared: _Compared) -> str:
         if len(compared.turned) < FEWEST:
             return ""
         yaw = compared.seen[:, 2]
@@ -102,15 +99,11 @@ class MotionJudge:
             return f"it is {abs(LAGS_S[best]):.2f} s {late} against the pictures"
         return ""
 
-    def _compared(self, path: Path) -> "_Compared | None":
-        """The steps that the source measured too; None of too few."""
-        if len(self._steps) < 2:
-            return None
-        steps = np.array(self._steps)
+    def _compared(self, path: Path) -> _Compared:
+        """The steps that the source measured too."""
+        steps = np.array(self._steps).reshape(-1, 8)
         given = _between(path, steps[:, :2], 0.0)
         known = np.isfinite(given).all(axis=1)
-        if known.sum() < 2:
-            return None
         steps, given = steps[known], given[known]
         spans, seen, variances = steps[:, :2], steps[:, 2:5], steps[:, 5:]
         block = np.unique(np.floor(spans[:, 1] / EVERY_S), return_inverse=True)[1]  # as long as between two judgements
@@ -118,7 +111,7 @@ class MotionJudge:
         self.conclusive |= len(turned) >= FEWEST
         return _Compared(spans, seen, given, variances, block, turned)
 
-    def _yaw(self, compared: "_Compared") -> str:
+    def _yaw(self, compared: _Compared) -> str:
         if len(compared.turned) < FEWEST:
             return ""
         yaw, given = compared.seen[:, 2], compared.given[:, 2]
@@ -126,7 +119,7 @@ class MotionJudge:
             return f"its yaw does not follow the camera's (correlation {here:.2f})"
         return self._ratio("yaw", given, yaw, compared.turned, compared.block, UNITS_OF_YAW)
 
-    def _length(self, compared: "_Compared") -> str:
+    def _length(self, compared: _Compared) -> str:
         seen, given, block = compared.seen, compared.given, compared.block
         ahead, other = seen[:, 0] + 1j * seen[:, 1], given[:, 0] + 1j * given[:, 1]
         clear = _blocks(block, np.abs(ahead), compared.variances[:, 0], self._least_m)

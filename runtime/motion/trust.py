@@ -105,7 +105,8 @@ class WheelTrust:
 
     def __init__(self, rule: TrustRule) -> None:
         state = Trust.UNPROVEN if rule.windows else Trust.TRUSTED
-        self._yaw, self._length = (Agreement(rule, least, state) for least in rule.least)
+        names = "yaw", "length"
+        self._parts = {name: Agreement(rule, least, state) for name, least in zip(names, rule.least, strict=True)}
         self._judge, self._path = MotionJudge(least=rule.least), deque[tuple[float, SE2]]()
         self._judges, self._late, self._excluded = rule.windows > 0, "", False
 
@@ -116,12 +117,11 @@ class WheelTrust:
         the step before."""
         self._follow(wheels, to_s)
         if wheels is None or camera is None:
-            self._yaw, self._length = self._yaw.restarted(), self._length.restarted()
+            self._parts = {name: part.restarted() for name, part in self._parts.items()}
             return None
-        (x_m, _, yaw_rad), (camera_m, _, camera_rad) = wheels.motion.tolist(), camera.motion.tolist()
-        together = np.asarray(camera.covariance + wheels.covariance)
-        self._yaw = self._yaw.updated(yaw_rad, camera_rad, float(together[2, 2]))
-        self._length = self._length.updated(x_m, camera_m, float(together[0, 0]))
+        for name, at in (("yaw", 2), ("length", 0)):
+            variance = float(camera.covariance[at, at] + wheels.covariance[at, at])
+            self._parts[name] = self._parts[name].updated(float(wheels.motion[at]), float(camera.motion[at]), variance)
         if self._judges and self._judge.add(from_s, to_s, (SE2(*camera.motion.tolist()), camera.covariance)):
             stamps_s, poses = zip(*self._path, strict=True)
             self._late = self._judge.delay(path_of(np.array(stamps_s), np.array([pose.vector() for pose in poses])))
@@ -146,7 +146,7 @@ class WheelTrust:
         """Why the wheels are left out; empty where they are not."""
         if self._late:
             return self._late
-        for name, part in self._parts:
+        for name, part in self._parts.items():
             if part.state is Trust.DISTRUSTED:
                 return f"its {name} is {100.0 * part.ratio:.0f} % of what the camera measures"
         return ""
@@ -154,19 +154,13 @@ class WheelTrust:
     def trusted(self, estimates: Mapping[str, MotionEstimate], camera: bool) -> dict[str, MotionEstimate]:
         """The estimates without distrusted wheels. With a camera, quantities of the wheels that have not been confirmed
         yet have no weight."""
-        trusted = dict(estimates)
-        wheels = trusted.pop(WHEELS, None)
+        wheels = estimates.get(WHEELS)
         if wheels is None or self._excluded:
-            return trusted
-        doubted = self._yaw.doubted or self._length.doubted
-        yaw, length = (part.state is Trust.TRUSTED and not doubted for _, part in self._parts)
+            return {name: item for name, item in estimates.items() if name != WHEELS}
+        doubted = any(part.doubted for part in self._parts.values())
+        yaw, length = (part.state is Trust.TRUSTED and not doubted for part in self._parts.values())
         yaw &= self._judge.conclusive or not self._judges  # late wheels turn in other pictures
         if camera and not (yaw and length):
             loose = np.diag(np.where([length, length, yaw], 0.0, UNPROVEN))
             wheels = MotionEstimate(wheels.motion, wheels.covariance + loose)
-        return {name: wheels if name == WHEELS else item for name, item in estimates.items()}
-
-    @property
-    def _parts(self) -> tuple[tuple[str, Agreement], tuple[str, Agreement]]:
-        """What is compared, by name."""
-        return ("yaw", self._yaw), ("length", self._length)
+        return {**estimates, WHEELS: wheels}

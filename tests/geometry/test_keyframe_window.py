@@ -8,7 +8,7 @@ import pytest
 
 from edgemap.geometry.camera.inertial import small_rotation
 from edgemap.geometry.camera.mount import Mount, up_optical
-from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule, _without, heading_slope
+from edgemap.geometry.odometry.keyframe_window import ImagePoints, KeyframeWindow, WindowRule, _without, heading_slope
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.window_factors import FactorRows, PoseFactors
 
@@ -72,8 +72,9 @@ def followed(
         if again and index and index == hidden.stop:
             lost, shown = window.lost(np.flatnonzero(before))
             window.see_again(lost, shown)
-        start, weight = window.resected(start, ids, image[seen]) if index else (start, 0.0)
-        window.step(start, factors, ids, image[seen], floor[seen], measured[seen])
+        tracks = ImagePoints(ids, image[seen], np.zeros((len(ids), 2)), floor[seen], measured[seen])
+        start, weight = window.resected(start, tracks) if index else (start, 0.0)
+        window.step(start, factors, tracks)
         assert index == 0 or weight > 20.0
     return window
 
@@ -93,7 +94,7 @@ def last_motion(window):
     """Displacement between the window's last two poses, and its covariance (3, 3)."""
     by = np.zeros((3, 12))
     by[:, 3:6], by[:, 9:12] = -np.eye(3), np.eye(3)
-    return window.poses[-1].position_m - window.poses[-2].position_m, by @ window.covariance() @ by.T
+    return window.poses[-1].position_m - window.poses[-2].position_m, by @ window.covariance @ by.T
 
 
 @pytest.mark.parametrize(("noise_px", "off_m"), [(0.1, 0.002), (0.5, 0.006)])
@@ -132,7 +133,7 @@ def test_edges_of_the_room_show_the_tilt_of_a_camera_eight_degrees_off_its_mount
         window = followed(poses, np.random.default_rng(2), edges_rad=edges_rad, walls=True)
         off_rad = np.linalg.norm(np.cross(window.poses[-1].rotation[2], poses[-1].rotation[2]))
         assert low_deg < math.degrees(off_rad) < high_deg
-        assert off_rad < 3.0 * math.sqrt(np.trace(window.covariance()[6:8, 6:8]) / 2.0)
+        assert off_rad < 3.0 * math.sqrt(np.trace(window.covariance[6:8, 6:8]) / 2.0)
 
 
 def test_edges_are_kept_when_their_picture_leaves_and_a_wrong_direction_loses_weight():
@@ -175,8 +176,9 @@ def followed_from_the_mount(pictures, points, floor, rng, depth=False):
         image = image[ids] + rng.normal(0.0, 0.3 / FOCAL_PX, (len(ids), 2))
         measured = 1.0 / np.where(local[ids, 2] < 6.0, local[ids, 2], np.nan)
         measured = measured + rng.normal(0.0, WindowRule().depth_sigma, len(ids))
-        start = window.resected(window.poses[-1], ids, image)[0] if index else pose
-        window.step(start, factors, ids, image, floor[ids], measured if depth else None)
+        tracks = ImagePoints(ids, image, np.zeros_like(image), floor[ids], measured if depth else measured * np.nan)
+        start = window.resected(window.poses[-1], tracks)[0] if index else pose
+        window.step(start, factors, tracks)
         travelled_m += (window.poses[-1].position_m - window.poses[max(len(window.poses) - 2, 0)].position_m)[0]
     return window, travelled_m
 
@@ -204,7 +206,9 @@ def before_walls(shown):
         pose = LensPose(level.rotation_base_optical(), np.array([0.0, -0.01 * index, HEIGHT_M]))
         local = ((points - pose.position_m) @ pose.rotation)[ids]
         measured = np.where(ids < 128, 1.0 / local[:, 2], np.nan)
-        window.step(pose, factors, ids, local[:, :2] / local[:, 2:], np.zeros(len(ids)), measured, carried=False)
+        none = np.zeros((len(ids), 2))
+        tracks = ImagePoints(ids, local[:, :2] / local[:, 2:], none, none[:, 0], measured)
+        window.step(pose, factors, tracks, carried=False)
     return window.local(np.arange(160), window.poses[-1])[:, 2]
 
 
@@ -239,11 +243,13 @@ def test_wheels_hold_the_pose_that_a_plain_front_of_unknown_depth_leaves_open():
         rng, ids = np.random.default_rng(seed), np.arange(30)
         points = np.column_stack([np.full(30, 1.2), rng.uniform(-0.5, 0.3, 30), rng.uniform(0.2, 0.7, 30)])
         local = [(points - pose.position_m) @ pose.rotation for pose in (first, second)]
-        before, now = (one[:, :2] / one[:, 2:] + rng.normal(0.0, 0.3 / FOCAL_PX, (30, 2)) for one in local)
+        noisy = (one[:, :2] / one[:, 2:] + rng.normal(0.0, 0.3 / FOCAL_PX, (30, 2)) for one in local)
+        none = np.zeros((30, 2)), np.zeros(30), np.full(30, np.nan)
+        before, now = (ImagePoints(ids, one, *none) for one in noisy)
         window = KeyframeWindow(WindowRule(), FOCAL_PX, mount, 12.0)
-        window.step(first, carried, ids, before, np.zeros(30))
+        window.step(first, carried, before)
         for factors in (carried, replace(carried, slip_m=0.0025)):
-            pose, _ = window.resected(first, ids, now, None, factors)
+            pose, _ = window.resected(first, now, factors)
             aside_m.append(abs((window.base(first).inverse() @ window.base(pose)).y_m))
     assert np.mean(aside_m[::2]) > 0.03  # what wheels are for
     assert max(aside_m[1::2]) < 0.005
@@ -267,7 +273,7 @@ def test_the_covariance_is_that_of_the_errors(false_depths):
         window = followed(poses, np.random.default_rng(seed), noise_px=0.9, false_depths=false_depths)
         by = np.zeros((3, 12))
         by[:, 3:6], by[:, 9:] = -np.eye(3), np.eye(3)
-        covariance = 4.0 * by @ window.covariance() @ by.T
+        covariance = 4.0 * by @ window.covariance @ by.T
         error = window.poses[-1].position_m - window.poses[-2].position_m
         error -= poses[-1].position_m - poses[-2].position_m
         scaled.append(error @ np.linalg.solve(covariance, error))

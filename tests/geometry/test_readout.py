@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edgemap.geometry.camera.mount import Mount, up_optical
-from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule
+from edgemap.geometry.odometry.keyframe_window import ImagePoints, KeyframeWindow, WindowRule
 from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.window_factors import PoseFactors
@@ -55,12 +55,13 @@ def driven(readout_s, pictures=80):
         up = up_optical(MOUNT.pitch_rad, 0.0)
         factors = PoseFactors(up, math.radians(0.3), height, 0.004 * height, 0.002 * height, np.eye(3))
         late = speed * image[:, 1:] / SIDES[1] / 2.0
+        tracks = ImagePoints(ids, image[seen], late[seen], on_floor[seen], np.full(len(ids), np.nan))
         if before is not None:
             first = speed * before[:, 1:] / SIDES[1] / 2.0
             window.begin_again(np.flatnonzero(both), before[both], first[both])
-            start, _ = window.resected(start, ids, image[seen], late[seen], factors)
+            start, _ = window.resected(start, tracks, factors)
             window.average_late(np.flatnonzero(both), first[both])
-        window.step(start, factors, ids, image[seen], on_floor[seen], None, late[seen], 8.0, carried=False)
+        window.step(start, factors, tracks, 8.0, carried=False)
         before, seen_before = image, seen
     return window
 

@@ -26,9 +26,9 @@ def test_what_rolls_has_no_lateral_part(length_m, yaw_rad):
 
 
 def test_a_straight_way_teaches_no_axle_and_one_that_is_given_exactly_stays():
-    assert ROLLING.learnt(0.05, 1e-6, 0.0) == ROLLING
+    assert ROLLING.observe(SE2(0.0, 0.05), 1e-6 * np.eye(3)) == ROLLING
     exact = Rolling(share=0.01, axle_m=0.1, axle_sigma_m=0.0)
-    assert exact.learnt(0.05, 1e-6, 0.1) == exact
+    assert exact.observe(SE2(0.0, 0.05, 0.1), 1e-6 * np.eye(3)) == exact
 
 
 @pytest.mark.parametrize("ahead_m", [0.27, -0.06])
@@ -37,7 +37,7 @@ def test_turns_show_how_far_the_lens_is_ahead_of_an_axle_that_no_one_measured(ah
     for index in range(150):
         lens = arc(0.05, 0.06 * math.sin(index / 9.0), ahead_m)
         noisy = SE2(lens.x_m, lens.y_m + random.normal(0.0, 0.003), lens.yaw_rad)
-        rolling = rolling.learnt(rolling.lateral_m(noisy), 0.003**2, noisy.yaw_rad)
+        rolling = rolling.observe(noisy, 0.003**2 * np.eye(3))
     assert rolling.axle_m == pytest.approx(ahead_m, abs=0.02)
     assert 0.004 < rolling.axle_sigma_m < 0.03
 
@@ -45,7 +45,7 @@ def test_turns_show_how_far_the_lens_is_ahead_of_an_axle_that_no_one_measured(ah
 def test_a_robot_that_drives_sideways_teaches_no_axle():
     rolling = ROLLING
     for index in range(40):
-        rolling = rolling.learnt(0.05, 0.003**2, 0.004 * math.sin(index))
+        rolling = rolling.observe(SE2(0.0, 0.05, 0.004 * math.sin(index)), 0.003**2 * np.eye(3))
     assert abs(rolling.axle_m) < 0.02
 
 

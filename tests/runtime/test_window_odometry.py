@@ -124,8 +124,8 @@ def test_a_pose_that_few_of_the_tracks_agree_with_is_doubted_and_descriptors_are
     frames, _, attitudes = walked([SE2(0.06)] * 5)
     odometry, resected, tried = WindowOdometry(HEAD), KeyframeWindow.resected, []
 
-    def agreeing(window, start, ids, *others):
-        return resected(window, start, ids, *others)[0], len(ids) * (share if frame is frames[-1] else 1.0)
+    def agreeing(window, start, seen, factors):
+        return resected(window, start, seen, factors)[0], len(seen) * (share if frame is frames[-1] else 1.0)
 
     monkeypatch.setattr(KeyframeWindow, "resected", agreeing)
     monkeypatch.setattr(CornerTracker, "find_again", lambda tracker, far_px: tried.append(far_px))
@@ -180,12 +180,12 @@ def test_corners_that_no_floor_gives_are_sought_elsewhere(floor):
     rng, rule = np.random.default_rng(0), CornersRule()
     tracker = CornerTracker(CAMERA, rule)
     noise = rng.integers(0, 255, (240, 320, 3), dtype=np.uint8)
-    tracker.take(Frame(0, 0.0, noise), np.zeros((0, 4)), math.inf)
     seen = np.repeat([[0.0], [1.0]], [round(60 * (1 - floor)), round(60 * floor)], axis=0).repeat(80, axis=1)
-    tracker.mark_floor(CAMERA, FloorMask(seen.astype(np.float32), 320, 240))
+    mask = FloorMask(seen.astype(np.float32), 320, 240)
+    tracker.take(Frame(0, 0.0, noise), np.zeros((0, 4)), math.inf, CAMERA, mask)
     tracker.seek(0.0, False)
     assert len(tracker.corners) == rule.corners
-    assert (tracker.tracks()[2] >= 0.5).sum() == (floor > 0.0) * round(rule.floor_share * rule.corners)
+    assert (tracker.tracks().floor >= 0.5).sum() == (floor > 0.0) * round(rule.floor_share * rule.corners)
 
 
 def test_corners_that_were_covered_are_found_again_by_an_earlier_picture():
@@ -195,8 +195,7 @@ def test_corners_that_were_covered_are_found_again_by_an_earlier_picture():
     covered[:, :160] = 90
     tracker, nobody = CornerTracker(HEAD, CornersRule()), np.zeros((0, 4))
     for number, frame in enumerate([frames[0], replace(frames[1], image=covered), frames[2]]):
-        tracker.take(frame, nobody, 0.1)
-        tracker.mark_floor(HEAD, None)
+        tracker.take(frame, nobody, 0.1, HEAD, None)
         if number == 0:
             tracker.seek(0.0, True)
             tracker.keep([0])

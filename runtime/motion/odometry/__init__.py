@@ -6,7 +6,6 @@ from pathlib import Path
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import FaultKind
@@ -16,7 +15,7 @@ from edgemap.runtime.motion.judge import JudgeRule, MotionJudge
 from edgemap.runtime.motion.odometry.coasting import CoastingRule
 from edgemap.runtime.motion.odometry.gyro import GyroOdometry
 from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule
-from edgemap.runtime.motion.odometry.judged import JudgedOdometry, OpenPoses
+from edgemap.runtime.motion.odometry.judged import JudgedOdometry
 from edgemap.runtime.motion.odometry.paper import PaperOdometry
 from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
 from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
@@ -24,9 +23,10 @@ from edgemap.runtime.motion.odometry.window import PicturesRule, WindowOdometry
 from edgemap.runtime.motion.odometry_names import HYBRID, is_pose_file, is_tf
 from edgemap.runtime.network.bundle import Bundle
 
-__all__ = ["Motion", "Odometry", "OdometryRules", "at_head_height", "open_odometry"]
+__all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry"]
 
-HEAD_M = 1.36  # height of the lens of the tallest small robot
+# Height of the lens of the tallest small robot: a higher one counts as carried at first, but on wheels or on a road.
+HEAD_M = 1.36
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,16 +59,17 @@ def open_odometry(
     the camera's tilt about its mount. pose_frame: as of `read_given`. Raises OdometryError for one that is unknown or
     not available here.
     """
-    rules = rules or OdometryRules()
+    rules, mount = rules or OdometryRules(), floor.mount
+    judge, excluded = MotionJudge(rules.judge), FaultKind.POSES_EXCLUDED
+    coasting = rules.coasting.of_unit(mount.platform.unit_m)
 
-    def judged(name: str, open_poses: OpenPoses, kind: FaultKind, start: SE2 | None = None) -> JudgedOdometry:
-        own = _hybrid(camera, floor, False, rules, health, tilt)
-        return JudgedOdometry(name, open_poses, own, MotionJudge(rules.judge), kind, start)
+    def hybrid(wheels: bool) -> HybridOdometry:
+        return HybridOdometry(hybrid_sources(camera, floor, wheels, rules, tilt), rules.hybrid, coasting, health)
 
     if spec == HYBRID:
-        return _hybrid(camera, floor, wheels, rules, health, tilt)
+        return hybrid(wheels)
     if spec == "paper":
-        return PaperOdometry(bundle, rules.coasting.of_unit(floor.mount.platform.unit_m))
+        return PaperOdometry(bundle, coasting)
     if spec == "truth":
         if camera.info.truth is None:
             raise OdometryError(f"odometry truth: {camera.info.name} has no recorded poses")
@@ -76,53 +77,35 @@ def open_odometry(
     if spec == "wheel":
         if camera.info.wheel is None:
             raise OdometryError(f"odometry wheel: {camera.info.name} brings no wheel odometry")
-        wheel = RecordedOdometry(camera.info.wheel, WHEELS, rules.wheels)
-        return judged(wheel.name, lambda _: (wheel, None), FaultKind.WHEELS_EXCLUDED)
+        wheel = GivenPoses(camera.info.wheel, None, mount.height_m)
+        return JudgedOdometry(WHEELS, lambda _: wheel, hybrid(False), judge, FaultKind.WHEELS_EXCLUDED, rules.wheels)
     if is_pose_file(spec):
-        file = read_given(Path(spec), floor.mount, pose_frame)
+        file = read_given(Path(spec), mount, pose_frame)
         count, rate_hz = camera.info.frame_count, camera.info.rate_hz
+        span_s = (count - 1) / rate_hz if count and rate_hz else math.inf
 
-        def given(stamp_s: float) -> tuple[RecordedOdometry, GivenPoses]:
-            last_s = stamp_s + (count - 1) / rate_hz if count and rate_hz else math.inf
-            poses = file.by_clock(spec, stamp_s, last_s)
-            return RecordedOdometry(poses.trajectory, spec), poses
+        def given(from_s: float) -> GivenPoses:
+            return file.by_clock(spec, from_s, from_s + span_s)
 
-        return judged(spec, given, FaultKind.POSES_EXCLUDED)
+        return JudgedOdometry(spec, given, hybrid(False), judge, excluded)
     if is_tf(spec):
         if camera.info.tf is None:
             raise OdometryError(
                 f"odometry {spec}: {camera.info.name} has no tf; a recording with /tf or ros2:/TOPIC has"
             )
-        poses = camera.info.tf(spec.partition(":")[2], floor.mount)
-        opened = RecordedOdometry(poses.trajectory, spec), poses
-        return judged(spec, lambda _: opened, FaultKind.POSES_EXCLUDED, poses.start)
+        poses = camera.info.tf(spec.partition(":")[2], mount)
+        return JudgedOdometry(spec, lambda _: poses, hybrid(False), judge, excluded, start=poses.start)
     raise OdometryError(f"odometry {spec!r} is not hybrid, paper, truth, wheel, FILE.tum or tf")
-
-
-def _hybrid(
-    camera: Camera,
-    floor: FloorCamera,
-    wheels: bool,
-    rules: OdometryRules,
-    health: HealthRule | None,
-    tilt: MountTiltRule | None,
-) -> HybridOdometry:
-    coasting = rules.coasting.of_unit(floor.mount.platform.unit_m)
-    return HybridOdometry(hybrid_sources(camera, floor, wheels, rules, tilt), rules.hybrid, coasting, health)
 
 
 def hybrid_sources(
     camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules, tilt: MountTiltRule | None = None
 ) -> dict[str, Odometry]:
     """The hybrid's sources: corners in the pictures, wheels where the camera has them, and the gyro."""
-    pictures = WindowOdometry(floor, rules.pictures, rules.coasting, tilt, at_head_height(camera, floor))
+    mount = floor.mount
+    carried = mount.height_m > HEAD_M and camera.info.wheel is None and mount.platform.in_room
+    pictures = WindowOdometry(floor, rules.pictures, rules.coasting, tilt, carried)
     sources: dict[str, Odometry] = {CAMERA: pictures}
     if wheels and camera.info.wheel is not None:
         sources[WHEELS] = RecordedOdometry(camera.info.wheel, WHEELS, rules.wheels)
     return sources | {GYRO: GyroOdometry()}
-
-
-def at_head_height(camera: Camera, floor: FloorCamera) -> bool:
-    """Whether the lens is above those of small robots: such a camera counts as carried at first, unless it rides on
-    wheels or on a road."""
-    return floor.mount.height_m > HEAD_M and camera.info.wheel is None and floor.mount.platform.in_room

@@ -1,6 +1,5 @@
 """Corners that are tracked from picture to picture (Lucas and Kanade 1981, Shi and Tomasi 1994)."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,8 +13,9 @@ from scipy.spatial.distance import cdist
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import patch_depths
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.odometry.keyframe_window import rows_of
+from edgemap.geometry.odometry.keyframe_window import ImagePoints, rows_of
 from edgemap.runtime.frames.frame import Frame
 
 Pixels = NDArray[np.float32]
@@ -55,14 +55,10 @@ class CornersRule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Corners tracked from the picture before: ids (N,); there, normalised image points (N, 2), probability of floor
-    and depth (N,), NaN where it was not measured. turn (3, 3), way (3,): rotation and direction of the motion, which
-    take points of the lens before into the lens of now."""
+    """Corners that were found again, in the picture before. turn (3, 3), way (3,): rotation and direction of the
+    motion, which take points of the lens before into the lens of now."""
 
-    ids: NDArray[np.int64]
-    points: Array
-    floor: Array
-    depth_m: Array
+    before: ImagePoints
     turn: Array
     way: Array
 
@@ -89,83 +85,62 @@ class CornerTracker:
     """Up to `CornersRule.corners` corners, and where they may lie on the floor.
 
     corners (N, 2), px at the working width; ids (N,). Corners that do not return to where they were when they are
-    tracked back are dropped.
+    tracked back are dropped. unit_m: of the inverse depths of `ImagePoints`.
     """
 
-    def __init__(self, camera: FloorCamera, rule: CornersRule) -> None:
+    def __init__(self, camera: FloorCamera, rule: CornersRule, unit_m: float = 1.0) -> None:
         scale = min(1.0, rule.working_width_px / camera.intrinsics.width)
         self._size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
         self.intrinsics = camera.intrinsics.scaled(*self._size)
-        self._rule = rule
-        self._rays = _ray_table(FloorCamera(self.intrinsics, camera.mount))
+        self._rule, self._unit_m = rule, unit_m
+        self._rays = _ray_table(self.intrinsics)
         self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
-        self._window: MatLike | None = None  # suppresses edge effects of the phase correlation
-        self._next_id = 0
-        self._reached_by: FloorCamera | None = None
-        self.restart()
-
-    def restart(self) -> None:
-        """Discards the picture and its corners."""
-        self._last: Picture | None = None
-        self._picture: Picture | None = None
-        self.corners = np.zeros((0, 2), dtype=np.float32)
-        self.ids = np.zeros(0, dtype=np.int64)
+        # Size at which shifts are estimated, OpenCV's least is 2 px; its window suppresses effects of the edges.
+        self._low_size = max(self._size[0] // SHIFT_PX, 2), max(self._size[1] // SHIFT_PX, 2)
+        self._window = cv2.createHanningWindow(self._low_size, cv2.CV_32F)
+        self._last = self._picture = Picture(np.zeros(self._size[::-1], dtype=np.uint8))
+        # The corners, and their motion since the picture before, NaN of new ones.
+        self.corners = self._moved_px = np.zeros((0, 2), dtype=np.float32)
+        self.ids, self._next_id = np.zeros(0, dtype=np.int64), 0
         self._kept: dict[int, tuple[Picture, Pixels, NDArray[np.int64]]] = {}  # pictures with their corners and ids
-        self._before, self._span_s = (self.corners, self.ids), math.inf
-        self._floor, self._mask = None, np.zeros(self._size[::-1], dtype=np.uint8)
+        self._floor = np.zeros(self._size[::-1], dtype=np.float32)
 
-    @property
-    def started(self) -> bool:
-        """Whether there is a picture."""
-        return self._picture is not None
-
-    @property
-    def follows(self) -> bool:
-        """Whether there is a picture before the last one."""
-        return self._last is not None
-
-    def take(self, frame: Frame, movers: Array, span_s: float) -> None:
-        """A new picture. movers: (N, 4) boxes of people and animals, px of the frame. span_s: since the last one."""
+    def take(self, frame: Frame, movers: Array, span_s: float, camera: FloorCamera, seen: FloorMask | None) -> None:
+        """A new picture. movers: (N, 4) boxes of people and animals, px of the frame. span_s: since the last one.
+        Corners may lie on the floor within this camera's reach and, with a mask, on its floor."""
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
-        if self._last is not None:
-            self._last.depth = None  # older pictures are kept without it
+        self._last.depth = None  # older pictures are kept without it
         self._last, self._picture, self._span_s = self._picture, Picture(grey, frame.depth), span_s
         self._movers = (movers * (self._size[0] / frame.image.shape[1])).astype(np.intp)
         self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
         margin = self._rule.apart_px
         for x0, y0, x1, y1 in self._movers.tolist():
             self._still[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = 0
-
-    def mark_floor(self, camera: FloorCamera, seen: FloorMask | None) -> None:
-        """Marks where corners may lie on the floor: within this camera's reach and, with a mask, on its floor."""
-        if camera is not self._reached_by:
-            self._reached_by, self._reached = camera, self._within_reach(camera)
-        self._floor_before = self._floor, self._mask
-        self._floor, self._mask = None, self._reached
+        reached, self._floor_before = self._within_reach(camera), self._floor
+        self._floor = np.asarray(reached, dtype=np.float32)
         if seen is not None:
             self._floor = cv2.resize(seen.floor, self._size, interpolation=cv2.INTER_LINEAR)
-            self._mask = np.where(self._floor >= 0.5, self._reached, 0).astype(np.uint8)
+        self._mask = np.where(reached & (self._floor >= 0.5), 255, 0).astype(np.uint8)
 
     def follow(self, expected: Pixels, shifted: bool, detail: bool) -> None:
         """Tracks the corners into the new picture, from where they are expected (N, 2); those that fail or leave the
         picture are dropped. shifted: the picture may have moved farther than expected. detail: corners are refined
         where large structures count half."""
-        self._before = self.corners, self.ids
-        if self._last is None or self._picture is None or len(self.corners) == 0:
+        if len(self.corners) == 0:
             return
         if shifted:
             expected = expected + self._surprise(self._last, self._picture, expected)
         moved, good = self._moved(self._last, self._picture, self.corners, expected, detail)
         good &= self._inside(moved)
+        self._moved_px = (moved - self.corners)[good]
         self.corners, self.ids = moved[good], self.ids[good]
 
     def keep(self, numbers: Sequence[int]) -> None:
         """Keeps the newest picture, which is the last of these, and of the others those that are kept."""
-        if self._picture is not None:
-            newest = self._picture, self.corners, self.ids
-            self._kept = {one: self._kept[one] for one in numbers[:-1]} | {numbers[-1]: newest}
+        newest = self._picture, self.corners, self.ids
+        self._kept = {one: self._kept[one] for one in numbers[:-1]} | {numbers[-1]: newest}
 
     def find_lost(
         self,
@@ -179,27 +154,22 @@ class CornerTracker:
         """Tracks lost corners (N,) from the kept pictures (N,) that last showed them, and adds those that are within
         near_px of where they are expected; returns their ids. expected, before (N, 2): px in this picture and in the
         one before, NaN where a corner would be behind the lens."""
-        added = [(self.corners, self.ids, self._before[0], self._before[1])]
-        wanted = self._inside(expected) & np.isfinite(before).all(axis=1)
+        count, wanted = len(self.ids), self._inside(expected) & np.isfinite(before).all(axis=1)
         for number in np.unique(numbers[wanted]).tolist():
             picture, corners, known = self._kept[number]
             rows = rows_of(ids, known)
             mine = np.flatnonzero(wanted & (numbers == number) & (rows >= 0))
-            if self._picture is None or not len(mine):
+            if not len(mine):
                 continue
             moved, good = self._moved(picture, self._picture, corners[rows[mine]], expected[mine], detail)
             off = moved - expected[mine]
             good &= self._inside(moved) & (np.hypot(*off.T) < near_px)
-            added.append((moved[good], ids[mine][good], (before[mine] + off)[good].astype(np.float32), ids[mine][good]))
-        self.corners, self.ids, corners, ids = (np.concatenate(part) for part in zip(*added, strict=True))
-        self._before = corners, ids
-        return self.ids[len(added[0][1]) :]
+            self._add(moved[good], (before[mine] + off)[good], ids[mine][good])
+        return self.ids[count:]
 
     def find_again(self, far_px: float) -> Found | None:
         """Adds corners by the descriptors of both pictures (ORB, Rublee et al. 2011), where they agree with one rigid
         motion (Nister 2004) and half of them have moved by far_px: of a short step this is not the motion."""
-        if self._last is None or self._picture is None:
-            return None
         orb = cv2.ORB.create(FEATURES, edgeThreshold=ORB_BORDER_PX)
         first, of_first = orb.detectAndCompute(self._last.grey, None)
         second, of_second = orb.detectAndCompute(self._picture.grey, self._still)
@@ -219,22 +189,14 @@ class CornerTracker:
         inside = inside.ravel() > 0
         if np.median(np.hypot(*(now - before)[inside].T)) < far_px:
             return None
-        floor = self._sampled(before, *self._floor_before)
+        floor = _values_at(before, self._floor_before)
         others = round((1.0 - self._rule.floor_share) * self._rule.corners)  # else none are sought on the floor
         inside &= (floor >= 0.5) | (np.cumsum(inside & (floor < 0.5)) <= others)
-        before, now = before[inside], now[inside]
-        ids = self._next_id + np.arange(len(before))
-        self._next_id += len(before)
-        self.corners, self.ids = np.concatenate([self.corners, now]), np.concatenate([self.ids, ids])
-        self._before = np.concatenate([self._before[0], before]), np.concatenate([self._before[1], ids])
-        return Found(
-            ids,
-            self.bearings(before),
-            floor[inside],
-            self._depths_m(before, self._last.depth),
-            np.asarray(turn, np.float64),
-            np.asarray(way, np.float64).ravel(),
-        )
+        before = before[inside]
+        ids = self._add(now[inside], before)
+        points, inverse_m = self.bearings(before), self._inverse_depths(before, self._last)
+        found = ImagePoints(ids, points, np.zeros_like(points), floor[inside], inverse_m)
+        return Found(found, np.asarray(turn, np.float64), np.asarray(way, np.float64).ravel())
 
     def seek(self, more: float, scattered: bool) -> None:
         """Replaces missing corners, first on the floor: a wall's contrast must not hide it. Elsewhere as many as are
@@ -242,13 +204,13 @@ class CornerTracker:
         the picture, as one piece of furniture must not hide the room; else the strongest are taken, which large motions
         need."""
         count = round((1.0 + more) * self._rule.corners)
-        if self._picture is None or count - len(self.corners) < count // FEW:
+        if count - len(self.corners) < count // FEW:
             return
         grey = self._picture.grey
         free = np.full(grey.shape, 255, dtype=np.uint8)
         for corner in self.corners.astype(np.intp).tolist():
             cv2.circle(free, corner, self._rule.apart_px, 0, -1)
-        elsewhere = len(self.corners) - int(self._on_floor(self.corners).sum())
+        elsewhere = len(self.corners) - int((_values_at(self.corners, self._mask) > 0).sum())
         for mask, most in (
             (free & self._mask, round(self._rule.floor_share * count) + elsewhere),
             (free & ~self._mask, count),
@@ -270,69 +232,44 @@ class CornerTracker:
                 continue
             fresh = np.asarray(detected.reshape(-1, 2) + [0.0, top], dtype=np.float32)
             fresh = spread(fresh, self.corners, wanted)
-            self.ids = np.concatenate([self.ids, self._next_id + np.arange(len(fresh))])
-            self._next_id += len(fresh)
-            self.corners = np.concatenate([self.corners, fresh])
+            self._add(fresh, np.full_like(fresh, np.nan))
 
-    def _on_floor(self, pixels: Pixels) -> Mask:
-        """Whether each pixel (N, 2) may lie on the floor, (N,)."""
-        columns, rows = pixels.astype(np.intp).T
-        return self._mask[rows, columns] > 0
+    def _add(self, corners: Pixels, before: Array | Pixels, ids: NDArray[np.int64] | None = None) -> NDArray[np.int64]:
+        """Adds corners (N, 2), which were there in the picture before; returns their ids, new ones by default."""
+        if ids is None:
+            ids = self._next_id + np.arange(len(corners))
+            self._next_id += len(corners)
+        self.corners, self.ids = np.concatenate([self.corners, corners]), np.concatenate([self.ids, ids])
+        self._moved_px = np.concatenate([self._moved_px, corners - before.astype(np.float32)])
+        return ids
 
-    def _doubtful(self, pixels: Pixels) -> Mask:
-        """Whether each pixel (N, 2) lies on a person or an animal, (N,)."""
-        columns, rows = pixels.astype(np.intp).T
-        return self._still[rows, columns] == 0
+    def tracks(self) -> ImagePoints:
+        """The corners that do not lie on people or animals."""
+        still = _values_at(self.corners, self._still) > 0
+        corners = self.corners[still]
+        late, floor = self._late(corners, self._moved_px[still]), _values_at(corners, self._floor)
+        inverse_m = self._inverse_depths(corners, self._picture)
+        return ImagePoints(self.ids[still], self.bearings(corners), late, floor, inverse_m)
 
-    def tracks(self) -> tuple[NDArray[np.int64], Array, Array, Array, Array]:
-        """Ids, normalised image points, probability of floor, depth in metres, NaN where it was not measured, and
-        `late` as of `observed`."""
-        corners = self.corners[~self._doubtful(self.corners)]
-        depth = None if self._picture is None else self._picture.depth
-        floor = self._sampled(corners, self._floor, self._mask)
-        ids, points, late = self.observed()
-        return ids, points, floor, self._depths_m(corners, depth), late
+    def tracks_before(self) -> tuple[NDArray[np.int64], Array, Array]:
+        """Ids, points and `late`, as of `ImagePoints`, of all corners that were tracked, in the picture before."""
+        tracked = np.isfinite(self._moved_px[:, 0])
+        moved_px = self._moved_px[tracked]
+        before = self.corners[tracked] - moved_px
+        return self.ids[tracked], self.bearings(before), self._late(before, moved_px)
 
-    def observed(self) -> tuple[NDArray[np.int64], Array, Array]:
-        """Ids and normalised image points of the corners that do not lie on people or animals, and how far they would
-        move for each second of the shutter's readout (N, 2), 0 of new ones."""
-        still = ~self._doubtful(self.corners)
-        late = self._late(self.corners, self._moved_px())
-        return self.ids[still], self.bearings(self.corners[still]), late[still]
-
-    def observed_before(self) -> tuple[NDArray[np.int64], Array, Array]:
-        """As `observed`, of all corners that were tracked, in the picture before."""
-        moved = self._moved_px()
-        tracked = np.isfinite(moved[:, 0])
-        before = np.asarray(self.corners[tracked] - moved[tracked], dtype=np.float32)
-        return self.ids[tracked], self.bearings(before), self._late(before, moved[tracked])
-
-    def _moved_px(self) -> Array:
-        """The corners' motion since the picture before, (N, 2) px; NaN of new ones."""
-        corners, ids = self._before
-        rows, moved = rows_of(self.ids, ids), np.full((len(self.ids), 2), np.nan)
-        known = rows >= 0
-        moved[known] = self.corners[known] - corners[rows[known]]
-        return moved
-
-    def _late(self, pixels: Array | Pixels, moved_px: Array) -> Array:
-        """How far normalised image points at pixels (N, 2) would move for each second of the shutter's readout, as its
+    def _late(self, pixels: Pixels, moved_px: Pixels) -> Array:
+        """As of `ImagePoints`, of corners at pixels (N, 2) that moved by (N, 2) px, NaN of new ones: the shutter's
         middle row counts as the picture's moment."""
         late = (pixels[:, 1:] + 0.5) / self._size[1] - 0.5
-        speed = np.nan_to_num(moved_px) / [self.intrinsics.fx, self.intrinsics.fy] / self._span_s
-        return late * speed
+        return late * (np.nan_to_num(moved_px) / [self.intrinsics.fx, self.intrinsics.fy] / self._span_s)
 
-    def _depths_m(self, pixels: Pixels, depth: NDArray[np.float32] | None) -> Array:
-        """Depth (N,) at pixels (N, 2), NaN where it was not measured."""
-        if depth is None:
+    def _inverse_depths(self, pixels: Pixels, picture: Picture) -> Array:
+        """Inverse depth (N,) at pixels (N, 2) of a picture, NaN where it was not measured."""
+        if picture.depth is None:
             return np.full(len(pixels), np.nan)
-        return patch_depths(depth, (pixels + 0.5) * np.divide(depth.shape[::-1], self._size))
-
-    @staticmethod
-    def _sampled(pixels: Pixels, floor: MatLike | None, mask: MatLike) -> Array:
-        """Probability of floor at pixels (N, 2), by a floor mask or by the reach alone."""
-        columns, rows = pixels.astype(np.intp).T
-        return (mask > 0 if floor is None else floor)[rows, columns].astype(np.float64)
+        scale = np.divide(picture.depth.shape[::-1], self._size)
+        return self._unit_m / patch_depths(picture.depth, (pixels + 0.5) * scale)
 
     def bearings(self, pixels: Pixels) -> Array:
         """Normalised image points (N, 2) without lens distortion, interpolated in a table of all pixels."""
@@ -345,12 +282,12 @@ class CornerTracker:
             (1 - a) * table[v + 1, u] + a * table[v + 1, u + 1]
         )
 
-    def _within_reach(self, camera: FloorCamera) -> NDArray[np.uint8]:
-        """Mask: 255 where the floor is within reach, 0 elsewhere; computed on every `MASK_PX`-th pixel."""
+    def _within_reach(self, camera: FloorCamera) -> Mask:
+        """Where the floor is within reach (H, W); computed on every `MASK_PX`-th pixel."""
         down = camera.mount.rotation_base_optical()[2]
         falls = -(self._coarse @ down[:2] + down[2]) / np.sqrt((self._coarse**2).sum(axis=2) + 1.0)
-        reaches = (falls * self._rule.reach_heights > 1.0).astype(np.uint8) * 255
-        return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
+        reaches = (falls * self._rule.reach_heights > 1.0).astype(np.uint8)
+        return cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST) > 0
 
     def _inside(self, pixels: Array | Pixels) -> Mask:
         """Whether each pixel (N, 2) lies in the picture, (N,)."""
@@ -382,18 +319,21 @@ class CornerTracker:
 
     def _surprise(self, last: Picture, now: Picture, expected: Pixels) -> Pixels:
         """Unexpected shift of the picture, (2,) px; zero unless it is more than the tracker can follow."""
-        width, height = (max(side // SHIFT_PX, 2) for side in self._size)  # OpenCV's window needs two
-        if self._window is None:
-            self._window = cv2.createHanningWindow((width, height), cv2.CV_32F)
-        pictures = last.grey, now.grey
-        small = [cv2.resize(p, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32) for p in pictures]
+        size, pictures = self._low_size, (last.grey, now.grey)
+        small = [cv2.resize(p, size, interpolation=cv2.INTER_AREA).astype(np.float32) for p in pictures]
         if len(self._movers):
-            still = cv2.resize(self._still, (width, height), interpolation=cv2.INTER_NEAREST)
+            still = cv2.resize(self._still, size, interpolation=cv2.INTER_NEAREST)
             small = [np.where(still, p - cv2.mean(p, still)[0], 0.0).astype(np.float32) for p in small]
         shift, response = cv2.phaseCorrelate(small[0], small[1], self._window)
         surprise = SHIFT_PX * np.array(shift) - np.median(expected - self.corners, axis=0)
         clear = response > self._rule.shift_response and np.hypot(*surprise) > self._rule.window_px / 2 * 2**LEVELS
         return surprise.astype(np.float32) if clear else np.zeros(2, dtype=np.float32)
+
+
+def _values_at(pixels: Pixels, image: MatLike) -> Array:
+    """The values (N,) of an image at pixels (N, 2)."""
+    columns, rows = pixels.astype(np.intp).T
+    return image[rows, columns].astype(np.float64)
 
 
 def spread(detected: Pixels, kept: Pixels, count: int) -> Pixels:
@@ -407,8 +347,7 @@ def spread(detected: Pixels, kept: Pixels, count: int) -> Pixels:
     return detected[np.sort(np.argsort(-nearest, kind="stable")[:count])]
 
 
-def _ray_table(camera: FloorCamera) -> Array:
+def _ray_table(lens: Intrinsics) -> Array:
     """Normalised image points of all pixels, (height, width, 2)."""
-    height, width = camera.intrinsics.height, camera.intrinsics.width
-    v, u = np.mgrid[0:height, 0:width]
-    return camera.intrinsics.rays(np.column_stack([u.ravel(), v.ravel()]))[:, :2].reshape(height, width, 2)
+    v, u = np.mgrid[0 : lens.height, 0 : lens.width]
+    return lens.rays(np.column_stack([u.ravel(), v.ravel()]))[:, :2].reshape(lens.height, lens.width, 2)

@@ -20,8 +20,8 @@ from edgemap.runtime.motion.odometry.protocol import (
     NO_PRIOR,
     FramePrior,
     Motion,
-    MotionState,
     Odometry,
+    blind_motion,
     first_motion,
     no_motion,
     unknown_covariance,
@@ -56,15 +56,15 @@ class HybridRule:
         return {CAMERA: self.covariance_scale, GYRO: self.covariance_scale**2}.get(source, 1.0)
 
 
-class HybridOdometry:
+class HybridOdometry(Odometry):
     """The fused motion of camera, wheels and gyro (`geometry.odometry.consensus`).
 
     A source that is blind, reports a fault or is not finite is left out until it measures again, and the fault names
-    it; where none measures, the motion is a guess (`Coasting`). sources: by name, the most trusted first. health: from
-    which covered share of a picture on the camera is in doubt. Raises ValueError without a source.
+    it; where none measures, the motion is a guess (`Coasting`). sources: by name, the most trusted first, one or more.
+    health: from which covered share of a picture on the camera is in doubt.
     """
 
-    name, needs_features = "hybrid", False
+    name = "hybrid"
 
     def __init__(
         self,
@@ -73,25 +73,22 @@ class HybridOdometry:
         coasting: CoastingRule | None = None,
         health: HealthRule | None = None,
     ) -> None:
-        if not sources:
-            raise ValueError("a hybrid odometry needs a source")
         self._sources = dict(sources)
         self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
         self._covered_limit = (health or HealthRule()).part_share
-        self._measured = set[str]()
+        self._has_gyro = False
         self._news = {name: StreamTimer(REPEATED_S) for name in self._sources}  # of their faults
-        self._first = True
-        self._agreed_s = self._fused_s = -math.inf  # of the last step in which the sources agreed, and of the last one
-        self._movers = 0.0  # share of the picture that people and animals cover
+        # Of the last step, of the last one in which the sources agreed, and of the last one in which any measured.
+        self._last_s = self._agreed_s = self._fused_s = -math.inf
         self._compass, self._wheels = RoomCompass(self._rule.compass), WheelTrust(self._rule.trust)
-        self._last_s = -math.inf  # of the last step
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
         """The fused motion since the last frame."""
         motions = {name: source.step(frame, features, prior) for name, source in self._sources.items()}
         height, width = frame.image.shape[:2]
-        self._movers = share_covered(prior.movers, width, height)
-        return self._corrected(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
+        movers = share_covered(prior.movers, width, height)
+        fused_motion = self._fused(frame.stamp_s, motions, prior.covered, movers)
+        return self._corrected(frame.stamp_s, fused_motion, prior.attitude)
 
     def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
         """The motion by the sources that need no picture."""
@@ -112,28 +109,32 @@ class HybridOdometry:
         self._last_s = stamp_s
         return no_motion()
 
-    def _fused(self, stamp_s: float, motions: Mapping[str, Motion], covered: float = 0.0) -> Motion:
-        """The motion of a step by those of the sources. covered: as of `FramePrior`."""
-        motions = {name: self._checked(name, motion) for name, motion in motions.items()}
+    def _fused(
+        self, stamp_s: float, motions: Mapping[str, Motion], covered: float = 0.0, movers: float = 0.0
+    ) -> Motion:
+        """The motion of a step by those of the sources. covered: as of `FramePrior`; movers: share of the picture that
+        people and animals cover."""
+        motions, news = self._checked(stamp_s, motions)
         from_s, self._last_s = self._last_s, stamp_s
-        news = self._repeated_faults(stamp_s, motions)
-        if self._first:
-            self._first, self._agreed_s, self._fused_s = False, stamp_s, stamp_s
+        if not math.isfinite(from_s):
+            self._agreed_s = self._fused_s = stamp_s
             self._coasting.begin(stamp_s)
             return first_motion(*_distinct(fault for motion in motions.values() for fault in motion.faults))
         alive = self._estimates(motions, covered)
         wheels, camera = alive.get(WHEELS), alive.get(CAMERA)
-        judges = max(covered, self._movers) < self._covered_limit
+        judges = max(covered, movers) < self._covered_limit
         faults = [self._wheels.judge(wheels, camera if judges else None, from_s, stamp_s), *news]
         alive = self._wheels.trusted(alive, camera is not None)
         others = {name: item for name, item in alive.items() if name != GYRO}
         if not others:
-            guess = self._coasting.guess(stamp_s, *_distinct(faults))
-            guess = _with_gyro(guess, alive[GYRO]) if alive else guess
-            return replace(guess, members=self._roles(alive, alive))
+            guess = replace(self._coasting.guess(stamp_s, *_distinct(faults)), members=self._roles(alive, alive))
+            if not alive:
+                return guess
+            estimate = fused(MotionEstimate(guess.motion.vector(), guess.covariance), alive[GYRO])
+            return replace(guess, motion=SE2(*estimate.motion), covariance=estimate.covariance)
         estimate = consensus(alive)
         scale, conflict = self._lasting(estimate.conflict, stamp_s)
-        moved, covariance = estimate.motion, scale * np.asarray(estimate.covariance)
+        moved, covariance = estimate.motion, scale * estimate.covariance
         rotation = next((motion.rotation for motion in motions.values() if motion.rotation is not None), None)
         self._coasting.saw(SE2(*moved), stamp_s, covariance)
         visual = None if len(others) == len(alive) else consensus(others)
@@ -142,7 +143,7 @@ class HybridOdometry:
             covariance,
             _distinct([*faults, conflict]),
             members=self._roles(alive, estimate.sources),
-            without_gyro=visual and (SE2(*visual.motion), np.asarray(visual.covariance)),
+            without_gyro=visual and (SE2(*visual.motion), visual.covariance),
             rotation=rotation,
             gap=any(motion.gap for motion in motions.values()),
             lengths=(float(camera.motion[0]), float(wheels.motion[0])) if camera and wheels else None,
@@ -150,17 +151,12 @@ class HybridOdometry:
 
     def _estimates(self, motions: Mapping[str, Motion], covered: float) -> dict[str, MotionEstimate]:
         """The sources' measurements, with their factors on the covariance; without those less certain than a guess."""
-        estimates = {
-            name: MotionEstimate(
-                motion.motion.vector(),
-                self._rule.covariance_factor(name, covered, self._covered_limit) * motion.covariance,
-            )
-            for name, motion in motions.items()
-            if motion.measured
-        }
-        return {
-            name: item for name, item in estimates.items() if name == GYRO or (np.diag(item.covariance) < UNKNOWN).all()
-        }
+        estimates: dict[str, MotionEstimate] = {}
+        for name, motion in motions.items():
+            covariance = self._rule.covariance_factor(name, covered, self._covered_limit) * motion.covariance
+            if motion.measured and (name == GYRO or (np.diag(covariance) < UNKNOWN).all()):
+                estimates[name] = MotionEstimate(motion.motion.vector(), covariance)
+        return estimates
 
     def _lasting(self, conflict: str, stamp_s: float) -> tuple[float, Fault | None]:
         """Factor on the covariance of a step for errors that last longer, and the fault, where sources have disagreed
@@ -195,31 +191,22 @@ class HybridOdometry:
         """The role of each source in a step, as of `Motion.members`."""
         return {n: "used" if n in used else "left_out" if n in alive else "blind" for n in self._sources}
 
-    def _checked(self, name: str, motion: Motion) -> Motion:
-        checked = motion.checked(self._sources[name].name)
-        if checked.measured:
-            self._measured.add(name)
-        elif name == GYRO and name not in self._measured:  # there is none
-            return replace(checked, faults=(), state=MotionState.BLIND)
-        return checked
-
-    def _repeated_faults(self, stamp_s: float, motions: Mapping[str, Motion]) -> list[Fault]:
-        """Faults that are new, or were last reported a while ago."""
+    def _checked(self, stamp_s: float, motions: Mapping[str, Motion]) -> tuple[dict[str, Motion], list[Fault]]:
+        """The motions, those that are invalid as blind ones, and faults that are new or were last reported a while ago.
+        A gyro that has never measured is none."""
+        checked = {name: motion.checked(self._sources[name].name) for name, motion in motions.items()}
+        if GYRO in checked:
+            self._has_gyro |= checked[GYRO].measured
+            checked[GYRO] = checked[GYRO] if self._has_gyro else blind_motion()
         news: list[Fault] = []
-        for name, motion in motions.items():
+        for name, motion in checked.items():
             if not motion.faults:
                 self._news[name].done()
             elif self._news[name].due(stamp_s):
                 news += motion.faults
-        return news
+        return checked, news
 
 
 def _distinct(faults: Iterable[Fault | None]) -> tuple[Fault, ...]:
     """Each fault once."""
     return tuple(dict.fromkeys(filter(None, faults)))
-
-
-def _with_gyro(guess: Motion, gyro: MotionEstimate) -> Motion:
-    """A guess, fused with what gyro and accelerometer measure."""
-    estimate = fused(MotionEstimate(guess.motion.vector(), guess.covariance), gyro)
-    return replace(guess, motion=SE2(*estimate.motion), covariance=np.asarray(estimate.covariance))

@@ -11,12 +11,20 @@ from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
-from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, blind_motion, first_motion, no_motion
+from edgemap.runtime.motion.odometry.protocol import (
+    NO_PRIOR,
+    FramePrior,
+    Motion,
+    Odometry,
+    blind_motion,
+    first_motion,
+    no_motion,
+)
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.network import Tensors
 
 
-class PaperOdometry:
+class PaperOdometry(Odometry):
     """The bundle's head of kind `paper`. Raises OdometryError where the bundle has none, or an untrained one."""
 
     name, needs_features = "paper", True
@@ -66,10 +74,6 @@ class PaperOdometry:
         guess = self._coasting.guess(stamp_s, reason)
         self._guessed, self._blind_covariance = self._guessed @ guess.motion, self._blind_covariance + guess.covariance
         return guess
-
-    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
-        """None: only pictures show whether the robot stands."""
-        return None
 
     def rest(self, stamp_s: float) -> Motion:
         """The robot stood until this stamp, for which the last picture is still valid."""

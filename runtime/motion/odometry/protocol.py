@@ -152,13 +152,14 @@ NO_PRIOR = FramePrior()
 
 
 class Odometry(Protocol):
-    """Fed every frame in order. The first step gives identity, covariance unknown.
+    """Fed every frame in order. The first step gives identity, covariance unknown. A subclass has `step` and
+    `step_blind`; as it is, only pictures show it whether the robot stands, and at rest it has nothing to store.
 
     needs_features: whether it cannot measure where the backbone did not run.
     """
 
     name: str
-    needs_features: bool
+    needs_features: bool = False
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
         """The motion since the frame of the previous step. features: the backbone's outputs of this frame, empty where
@@ -173,13 +174,13 @@ class Odometry(Protocol):
         """
         ...
 
-    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
         """Whether the base has stood still from the previous step to a stamp, without the picture.
 
         None where neither wheels nor gyro measure.
         """
-        ...
+        return None
 
-    def rest(self, stamp_s: float) -> Motion:
+    def rest(self, stamp_s: float) -> Motion:  # noqa: ARG002
         """`no_motion`: the base stood still since the previous step; the last picture is valid for this stamp too."""
-        ...
+        return no_motion()

@@ -17,6 +17,7 @@ from edgemap.runtime.motion.odometry.protocol import (
     STILL,
     FramePrior,
     Motion,
+    Odometry,
     blind_motion,
     first_motion,
     no_motion,
@@ -54,14 +55,12 @@ ROUNDED_S = 0.01  # outside the wheels' samples that still count as their end: s
 LONGEST_GAP_S, LONGEST_GAP_PERIODS = 0.5, 5.0  # between two samples; a longer one is a hole, not a straight line
 
 
-class RecordedOdometry:
+class RecordedOdometry(Odometry):
     """Motion between the stamps of two frames, read off a recorded trajectory of the base.
 
     A recording that ends, starts late, has a hole or a pose that is not finite gives no motion there, with a fault that
     names it, and measures again where it covers both ends of a step.
     """
-
-    needs_features = False
 
     def __init__(self, trajectory: PoseTrack, name: str, drift: DriftRate | None = None) -> None:
         self.name = name
@@ -86,7 +85,7 @@ class RecordedOdometry:
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
         """Whether the recorded motion since the last step is zero."""
         pose, fault = self._pose(stamp_s)
-        if self._last is None or pose is None or fault or self._broken(stamp_s):
+        if self._last is None or pose is None or fault:
             return None
         return (self._last.inverse() @ pose).is_within(STILL)
 
@@ -97,7 +96,6 @@ class RecordedOdometry:
 
     def _to(self, stamp_s: float) -> Motion:
         pose, fault = self._pose(stamp_s)
-        fault = fault or self._broken(stamp_s)
         last, self._last, first = self._last, pose, not math.isfinite(self._last_s)
         self._last_s = stamp_s
         if first and not fault:
@@ -109,14 +107,14 @@ class RecordedOdometry:
         return Motion(motion, self._drift.covariance(motion))
 
     def _pose(self, stamp_s: float) -> tuple[SE2 | None, str]:
-        """The pose at a stamp, or why there is none."""
+        """The pose at a stamp, and why there is none or no valid motion to it; empty where there is."""
         try:
             pose = self.trajectory.at(stamp_s, self._edge_s)
         except OdometryError as error:
             return None, str(error)
         if not np.isfinite(pose.vector()).all():
             return None, f"pose at {stamp_s:.3f} s is not finite"
-        return pose, ""
+        return pose, self._broken(stamp_s)
 
     def _broken(self, stamp_s: float) -> str:
         """Why the samples of a step to a stamp are no valid motion (a hole or a jump); empty where they are."""

@@ -22,7 +22,7 @@ from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
 from edgemap.runtime.motion.odometry.corners import CornersRule, CornerTracker, Pixels
-from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, first_motion, no_motion
+from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, Odometry, first_motion, no_motion
 from edgemap.runtime.network.network import Tensors
 
 SHORTEST_S = 1e-3  # minimum time between two pictures
@@ -53,7 +53,7 @@ class PicturesRule:
     gyro_share: float = 0.03  # the same relative to the rotation: samples and pictures are not exactly synchronous
 
 
-class WindowOdometry:
+class WindowOdometry(Odometry):
     """Corners (`CornerTracker`) and the lens's poses in a `KeyframeWindow`; the base's motion is planar.
 
     Pitch, roll and height of each keyframe are estimated together with the motion, so an error of the attitude hardly
@@ -61,10 +61,10 @@ class WindowOdometry:
     about the mount's angles to half of `tilt.nod`, keeps its height and, once it has proved to be on wheels, rolls; a
     carried camera is about them to `tilt.prior`. A room's edges show the tilt to `tilt.seen`. If a step measures no
     motion, `Coasting` predicts it. Lengths inside are in the platform's unit. carried: whether the camera counts as
-    carried from the start. readout: of the shutter, estimated with the motion.
+    carried from the start.
     """
 
-    name, needs_features = "window", False
+    name = "window"
 
     def __init__(
         self,
@@ -79,15 +79,16 @@ class WindowOdometry:
         window = self._rule.window
         self._window_rule = replace(window, depth_sigma=self._unit_m * window.depth_sigma)
         self._tilt_rad, self._edges_rad = (tilt.nod / 2.0, tilt.prior), tilt.seen
-        self._tracker = CornerTracker(camera, self._rule.corners)
+        self._tracker = CornerTracker(camera, self._rule.corners, self._unit_m)
         self._level = self._camera = FloorCamera(self._tracker.intrinsics, _in_units(camera.mount, self._unit_m))
         self._mount = camera.mount  # the mount that attitudes refer to
         begun = Carried(self._rule.carried, tilt.nod)
         self.judged = begun.certain() if carried else begun
         self._rolling = Rolling.of_mount(self._rule.slip_share, self._level.mount)
-        self._coasting, self.readout = Coasting(coasting), Readout()
-        self._first, self._seen_s = True, -math.inf
-        self._start_again()
+        self._coasting, self._seen_s = Coasting(coasting), -math.inf
+        self._graph, self._base = self._empty(Readout()), SE2()
+        self._motion, self._skipped = SE2(), False
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))  # of the motion without pictures
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
         """Tracks the corners of the previous frame into this frame and estimates the motion between both."""
@@ -102,66 +103,53 @@ class WindowOdometry:
         self._motion = guess.motion
         return self._metric(guess)
 
-    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
-        """None: pictures alone show whether the robot stands."""
-        return None
-
     def rest(self, stamp_s: float) -> Motion:
         """Moves the stamp of the last picture and of its corners to this stamp, while the robot stands still."""
-        if self._tracker.started:
-            self._seen_s = stamp_s
-        self._motion = SE2()
+        self._seen_s, self._motion = stamp_s, SE2()
         self._coasting.saw(SE2(), stamp_s)
         return no_motion()
 
-    def _start_again(self) -> None:
-        """Discards the previous picture and all estimates from it."""
-        self._tracker.restart()
-        self._graph, self._base = self._empty(), SE2()
-        self._motion, self._skipped = SE2(), False
-        self._since, self._since_covariance = SE2(), np.zeros((3, 3))  # of the motion without pictures
-
     def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
         """The motion in the camera's unit of length."""
-        dt_s = frame.stamp_s - self._seen_s
-        self._tracker.take(frame, prior.movers, dt_s if dt_s >= SHORTEST_S else math.inf)
+        dt_s, self._seen_s = frame.stamp_s - self._seen_s, frame.stamp_s
         gyro = self._attend(prior.attitude)
-        self._tracker.mark_floor(self._camera, prior.floor)
-        first, self._first, self._seen_s = self._first, False, frame.stamp_s
-        if not self._tracker.follows:
-            self._tracker.seek(self._by_tracks_alone(), self._detail())
-            self._begin(self._camera_pose(), self._factors(prior.attitude, gyro))
-            if first:
-                self._coasting.begin(frame.stamp_s)
-                return first_motion()
-            fault = Fault(FaultKind.ODOMETRY, f"camera odometry: started again at {frame.stamp_s:.3f} s")
-            return self._coasting.guess(frame.stamp_s, fault)
+        span_s = dt_s if dt_s >= SHORTEST_S else math.inf
+        self._tracker.take(frame, prior.movers, span_s, self._camera, prior.floor)
         factors = self._factors(prior.attitude, gyro)
+        if not self._graph.poses:
+            self._seek()
+            mount = self._camera.mount
+            self._begin(LensPose(mount.rotation_base_optical(), mount.position_base_m()), factors)
+            self._coasting.begin(frame.stamp_s)
+            return first_motion()
         if dt_s > LONGEST_DT_S:
             self._motion = SE2()
         start = self._expected_pose(gyro)
-        self._tracker.follow(self._expected(start), gyro is None, self._detail())
-        ids, before, late = self._tracker.observed_before()
+        expected_px = self._projected(self._tracker.ids, start)
+        expected_px = np.where(np.isfinite(expected_px), expected_px, self._tracker.corners)
+        self._tracker.follow(expected_px, gyro is None, self._detail())
+        ids, before, late = self._tracker.tracks_before()
         self._graph.begin_again(ids, before, late)
-        tracks = self._tracker.observed()
-        expected, weight = self._graph.resected(start, *tracks, factors)
+        tracks = self._tracker.tracks()
+        expected, weight = self._graph.resected(start, tracks, factors)
         pose = expected
-        if weight < max(self._rule.least_weight, self._rule.agreeing_share * len(tracks[0])):
+        if weight < max(self._rule.least_weight, self._rule.agreeing_share * len(tracks)):
             pose, weight = self._surprised(pose, weight, factors)
         if not (surprised := pose is not expected):
             self._graph.average_late(ids, late)
             self._find_lost(pose)
-        self._tracker.seek(self._by_tracks_alone(), self._detail())
+        self._seek()
         if weight < self._rule.least_weight:
             return self._started_again(frame, start, factors)
         parallax_px, carried = self._held(self._rule.parallax_px), surprised or self.judged.carried
-        self._graph.step(pose, factors, *self._tracks(), parallax_px, carried)
+        self._graph.step(pose, factors, self._tracker.tracks(), parallax_px, carried)
         self._tracker.keep(self._graph.pictures)
-        self.readout = self._graph.readout
-        step = self._by_window()
-        if not step.checked(self.name).measured:  # no track ties the picture to those before
-            return self._started_again(frame, start, factors)
-        return self._measured(step, frame.stamp_s, None if surprised else dt_s, gyro is not None)
+        step = self._measured(frame.stamp_s, None if surprised else dt_s, gyro is not None)
+        return step or self._started_again(frame, start, factors)
+
+    def _seek(self) -> None:
+        """Replaces missing corners; of a carried camera without depth more are sought."""
+        self._tracker.seek(self.judged.share * self._graph.unmeasured(), self._detail())
 
     def _detail(self) -> bool:
         """Whether large structures count half and corners are spread: what is carried turns fast, and large turns need
@@ -176,11 +164,10 @@ class WindowOdometry:
         far_px = self._rule.corners.window_px if weight >= self._rule.least_weight else 0.0
         if one or (found := tracker.find_again(far_px)) is None:
             return pose, weight
-        still = np.zeros_like(found.points)
-        self._graph.add(found.ids, found.points, found.floor, self._unit_m / found.depth_m, still)
-        ids, points, late = tracker.observed()
-        start = self._graph.bridge(ids, points, found.turn, found.way)
-        return self._graph.resected(start, ids, points, late, factors)
+        self._graph.add(found.before)
+        seen = tracker.tracks()
+        start = self._graph.bridge(seen, found.turn, found.way)
+        return self._graph.resected(start, seen, factors)
 
     def _find_lost(self, pose: LensPose) -> None:
         """Corners that were lost since an earlier keyframe are tracked from its picture into one with this pose."""
@@ -195,7 +182,10 @@ class WindowOdometry:
         """Updates the camera of this frame; returns the rotation since the last picture by a gyro."""
         if attitude is not None and attitude.carried != self.judged.scattered:
             self.judged = replace(self.judged, scattered=attitude.carried)
-        self._camera = self._level if attitude is None else self._level.at(self._in_units(attitude))
+        self._camera = self._level
+        if attitude is not None:
+            height_m = None if attitude.height_m is None else attitude.height_m / self._unit_m
+            self._camera = self._level.at(replace(attitude, height_m=height_m))
         gyro = None if attitude is None or self._skipped else attitude.rotation
         gyro = gyro if gyro is not None and gyro.proved else None  # of wrong axes it would lose the tracks
         used = self._mount if attitude is None or attitude.mount is None else attitude.mount.used
@@ -207,52 +197,33 @@ class WindowOdometry:
             self._graph.see_up(attitude.room.up, self._edges_rad)
         return gyro
 
-    def _by_window(self) -> Motion:
-        """The motion since the last picture, by the window's last two poses."""
-        base = self._graph.base(self._graph.poses[-1])
-        motion = (self._base @ self._since).inverse() @ base
-        covariance = self._covariance()
-        by = np.zeros((3, 12))
-        level = self._base.rotation().T
-        before, now = map(heading_slope, self._graph.poses[-2:])
-        by[:2, 3:5], by[:2, 9:11], by[2, :3], by[2, 6:9] = -level, level, -before, now
-        by[0, :3], by[1, :3] = motion.y_m * before, -motion.x_m * before
-        return Motion(motion, by @ covariance @ by.T + LEAST_SIGMA**2 * np.eye(3) + self._since_covariance)
-
-    def _covariance(self) -> Array:
-        """Of the window's last two poses, (12, 12)."""
-        return self._lasting() * self._graph.covariance()
-
-    def _lasting(self) -> float:
-        """Factor on the covariance of a motion, as errors of its scale last; not on what a single motion shows."""
-        return 1.0 + (self._rule.covariance_scale - 1.0) * self._graph.unmeasured()
-
-    def _measured(self, step: Motion, stamp_s: float, dt_s: float | None, gyro: bool) -> Motion:
-        """The motion up to the last picture, and what it shows of the camera. dt_s: between both pictures; None over a
-        gap, whose nod does not show how the camera is held."""
-        (before, pose), motion, total = self._graph.poses[-2:], step.motion, step.covariance
-        covariance = self._covariance()
+    def _measured(self, stamp_s: float, dt_s: float | None, gyro: bool) -> Motion | None:
+        """The motion up to the last picture, by the window's last two poses, and what it shows of the camera; None
+        where no track ties the picture to those before. dt_s: between both pictures; None over a gap, whose nod does
+        not show how the camera is held."""
+        (before, pose), base = self._graph.poses[-2:], self._graph.base(self._graph.poses[-1])
+        motion, level = (self._base @ self._since).inverse() @ base, self._base.rotation().T
+        # Errors of its scale last, those of what a single motion shows do not.
+        lasting = 1.0 + (self._rule.covariance_scale - 1.0) * self._graph.unmeasured()
+        covariance, by, slope = lasting * self._graph.covariance, np.zeros((3, 12)), heading_slope(before)
+        by[:2, 3:5], by[:2, 9:11], by[2, :3], by[2, 6:9] = -level, level, -slope, heading_slope(pose)
+        by[0, :3], by[1, :3] = motion.y_m * slope, -motion.x_m * slope
+        total = by @ covariance @ by.T + LEAST_SIGMA**2 * np.eye(3) + self._since_covariance
+        step = Motion(motion, total, gap=dt_s is None)
+        if not step.checked(self.name).measured:
+            return None
         self._coasting.saw(motion, stamp_s, total)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
-        self._base, self._motion = self._graph.base(pose), motion
-        self._roll(motion, total / self._lasting())
+        self._base, self._motion = base, motion
+        self._rolling = self._rolling.observe(motion, total / lasting)
+        self._graph.axle_m = self._rolling.axle_m
         if dt_s is not None:
             nod = pose.rotation[2] - before.rotation[2]
-            self._swing(float(nod @ nod) / 2.0, motion, dt_s, gyro)
+            path_m = self._unit_m * math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
+            self.judged = self.judged.updated(float(nod @ nod) / 2.0, max(dt_s, SHORTEST_S), path_m, gyro=gyro)
         up_rad = math.sqrt(max(float(np.trace(covariance[6:8, 6:8])) / 2.0, 0.0))
         rotation = before.rotation.T @ pose.rotation
-        seen = TrackedRotation(rotation, self.judged, up=pose.rotation[2], up_rad=up_rad)
-        return replace(step, rotation=seen, gap=dt_s is None)
-
-    def _swing(self, nod2: float, motion: SE2, dt_s: float, gyro: bool) -> None:
-        """Updates whether the camera is carried. nod2: mean square of the changes of roll and pitch, rad^2."""
-        path_m = self._unit_m * math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
-        self.judged = self.judged.updated(nod2, max(dt_s, SHORTEST_S), path_m, gyro=gyro)
-
-    def _roll(self, motion: SE2, covariance: Array) -> None:
-        """Updates the place of the axle."""
-        self._rolling = self._rolling.observe(motion, covariance)
-        self._graph.move_axle(self._rolling.axle_m)
+        return replace(step, rotation=TrackedRotation(rotation, self.judged, up=pose.rotation[2], up_rad=up_rad))
 
     def _started_again(self, frame: Frame, start: LensPose, factors: PoseFactors) -> Motion:
         """A new window, from the expected pose, after a picture that agrees with no motion."""
@@ -264,22 +235,15 @@ class WindowOdometry:
 
     def _begin(self, start: LensPose, factors: PoseFactors) -> None:
         """A new window at this pose."""
-        self._graph = self._empty()
-        self._graph.step(start, factors, *self._tracks())
+        self._graph = self._empty(self._graph.readout)
+        self._graph.step(start, factors, self._tracker.tracks())
         self._tracker.keep(self._graph.pictures)
         self._base = self._graph.base(start)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
 
-    def _tracks(self) -> tuple[NDArray[np.int64], Array, Array, Array, Array]:
-        """Ids, normalised image points, probability of floor, measured inverse depth and `late` of the corners."""
-        ids, points, floor, depth_m, late = self._tracker.tracks()
-        return ids, points, floor, self._unit_m / depth_m, late
-
-    def _empty(self) -> KeyframeWindow:
-        lens, mount = self._level.intrinsics, self._level.mount
-        window = KeyframeWindow(self._window_rule, lens.fx, mount, self._rule.corners.reach_heights, self.readout)
-        window.move_axle(self._rolling.axle_m)
-        return window
+    def _empty(self, readout: Readout) -> KeyframeWindow:
+        lens, mount, reach = self._level.intrinsics, self._level.mount, self._rule.corners.reach_heights
+        return KeyframeWindow(self._window_rule, lens.fx, mount, reach, readout, self._rolling.axle_m)
 
     def _up(self) -> Array:
         return up_optical(self._camera.mount.pitch_rad, self._camera.mount.roll_rad)
@@ -306,19 +270,10 @@ class WindowOdometry:
             slip_m=self._rolling.slip_m(self._motion) if self.judged.on_wheels and not self._skipped else math.inf,
         )
 
-    def _by_tracks_alone(self) -> float:
-        """`Carried.share` times the share of the corners whose depths are not measured."""
-        return self.judged.share * self._graph.unmeasured()
-
     def _held(self, pair: tuple[float, float]) -> float:
         """A value between a robot's and a carried camera's, by `Carried.share`."""
         robot, carried = pair
         return robot * (carried / robot) ** self.judged.share
-
-    def _camera_pose(self) -> LensPose:
-        """The pose of the camera on its mount, above the origin."""
-        mount = self._camera.mount
-        return LensPose(mount.rotation_base_optical(), mount.position_base_m())
 
     def _expected_pose(self, gyro: GyroRotation | None) -> LensPose:
         """The expected pose: the last motion again, with the gyro's rotation."""
@@ -329,11 +284,6 @@ class WindowOdometry:
         rotation = turn @ last.rotation if gyro is None else last.rotation @ gyro.rotation
         return LensPose(rotation, turn @ last.position_m + [moved.x_m, moved.y_m, 0.0])
 
-    def _expected(self, pose: LensPose) -> Pixels:
-        """Where the corners are expected from this pose, (N, 2) px."""
-        expected = self._projected(self._tracker.ids, pose)
-        return np.where(np.isfinite(expected), expected, self._tracker.corners)
-
     def _projected(self, ids: NDArray[np.int64], pose: LensPose) -> Pixels:
         """Points of the window in a picture of this pose, (N, 2) px; NaN for those that it has not or that are behind
         the lens."""
@@ -343,12 +293,8 @@ class WindowOdometry:
     def _metric(self, motion: Motion) -> Motion:
         """Converts a motion from the camera's unit of length to metres."""
         units = np.array([self._unit_m, self._unit_m, 1.0])
-        metres = SE2(self._unit_m * motion.motion.x_m, self._unit_m * motion.motion.y_m, motion.motion.yaw_rad)
-        return replace(motion, motion=metres, covariance=motion.covariance * np.outer(units, units))
-
-    def _in_units(self, attitude: Attitude) -> Attitude:
-        """An attitude whose height is in the camera's unit of length."""
-        return attitude if attitude.height_m is None else replace(attitude, height_m=attitude.height_m / self._unit_m)
+        covariance = motion.covariance * np.outer(units, units)
+        return replace(motion, motion=motion.motion.scaled(self._unit_m), covariance=covariance)
 
 
 def _in_units(mount: Mount, unit_m: float) -> Mount:
