@@ -1,9 +1,11 @@
-"""SPEC to camera: one line per kind, each kind's module imported when it is asked for."""
+"""SPEC to camera: one line per kind."""
 
 from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import cast
+
+import numpy as np
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, CameraOptions, Driver
@@ -11,7 +13,19 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.notes import collected
 from edgemap.runtime.frames.plugins import CAMERAS, load_plugin, plugins
 from edgemap.runtime.frames.reading import THEIRS, error_line, user_path
+from edgemap.runtime.inputs.cameras.checked import CheckedCamera
+from edgemap.runtime.inputs.cameras.imu_buffer import ImuCamera
 from edgemap.runtime.inputs.cameras.kinds import kind_of
+from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.inputs.cameras.pictures import drive_camera
+from edgemap.runtime.inputs.cameras.realsense import RealSenseDriver
+from edgemap.runtime.inputs.cameras.realsense_recording import open_recording
+from edgemap.runtime.inputs.cameras.webcam import StreamDriver, WebcamDriver
+from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
+from edgemap.runtime.inputs.drives.drive import Drive, ridden
+from edgemap.runtime.inputs.drives.layout import drive_of
+from edgemap.runtime.inputs.drives.open import READERS, open_drive
+from edgemap.runtime.inputs.drives.pictures import list_pictures
 
 UNDERSTOOD = (
     "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, an rtsp:// or http(s):// stream, "
@@ -20,7 +34,6 @@ UNDERSTOOD = (
     "or KIND:DIR with KIND one of kitti, tum, c2w, drive, euroc, locobot, yolo"
 )
 STREAMS = ("rtsp", "rtsps", "http", "https")
-KINDS = ("kitti", "tum", "c2w", "drive", "euroc", "locobot", "yolo")
 DEMO = Path(__file__).parent / "demo"
 
 
@@ -33,11 +46,7 @@ def open_camera(spec: str = "demo", how: CameraOptions = CameraOptions()) -> Cam
         camera = _open(spec, how)
     if faults:
         camera.update_info(faults=(*camera.info.faults, *faults))
-    if how.realtime and not camera.info.live:
-        from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
-
-        return PacedCamera(camera)
-    return camera
+    return PacedCamera(camera) if how.realtime and not camera.info.live else camera
 
 
 def _open(spec: str, how: CameraOptions) -> Camera:
@@ -46,31 +55,23 @@ def _open(spec: str, how: CameraOptions) -> Camera:
     if how.topics.depth and plugin is None:
         raise CameraError(f"camera {spec}: a topic of depth goes with pictures of a ROS 2 topic or a recording only")
     if spec == "demo":
-        return _open_drive(f"drive:{DEMO}", spec, how)
-    if kind in KINDS:
-        return _open_drive(spec, spec, how)
+        return _open_files(open_drive(f"drive:{DEMO}"), spec, how)
+    if kind in READERS:
+        return _open_files(open_drive(spec), spec, how)
     if kind == "realsense":
         return _open_realsense(rest, spec, how)
     if spec.isdecimal() or spec.startswith("/dev/video"):
-        from edgemap.runtime.inputs.cameras.webcam import WebcamDriver
-
         device = Path(f"/dev/video{spec}" if spec.isdecimal() else spec)
         return _open_live(WebcamDriver(device, spec, how.intrinsics), how)
     if kind in STREAMS:
-        from edgemap.runtime.inputs.cameras.webcam import StreamDriver
-
         return _open_live(StreamDriver(spec), how)
     if plugin is not None:
         return _open_plugin(*plugin, spec, how)
     path = user_path(spec)
     if spec and path.is_dir():  # an empty SPEC (an unset variable) is not the current folder
-        from edgemap.runtime.inputs.cameras.pictures import open_folder
-
-        return open_folder(path, spec, how.intrinsics, how.mount)
+        return _open_files(drive_of("", path, list_pictures(path)), spec, how)
     if path.is_file():
-        from edgemap.runtime.inputs.cameras.pictures import VideoCamera
-
-        return VideoCamera(spec, path, how.intrinsics, how.mount)
+        return _open_files(Drive("", path.parent, (), np.zeros(0), video=path), spec, how)
     others = (name for name in sorted(plugins(CAMERAS)) if name not in UNDERSTOOD)
     understood = UNDERSTOOD + "".join(f", {name}[:ADDRESS]" for name in others)
     if path.suffix or "/" in spec:
@@ -78,29 +79,22 @@ def _open(spec: str, how: CameraOptions) -> Camera:
     raise CameraError(f"camera {spec!r} is not understood; understood: {understood}")
 
 
-def _open_drive(spec: str, name: str, how: CameraOptions) -> Camera:
-    from edgemap.runtime.inputs.cameras.pictures import drive_camera
-    from edgemap.runtime.inputs.drives.open import open_drive
-
-    drive = open_drive(spec)
-    return drive_camera(drive if how.depth else replace(drive, depth=()), name, how.intrinsics, how.mount)
+def _open_files(drive: Drive, name: str, how: CameraOptions) -> Camera:
+    """Files as a camera, with lens and mount as stated. A stated mount does not move the truth: that was taken to the
+    turn axis by the drive's lever arm."""
+    lens, mount = how.intrinsics or drive.intrinsics, ridden(drive.kind, how.mount or drive.mount)
+    return drive_camera(replace(drive, intrinsics=lens, mount=mount, depth=drive.depth if how.depth else ()), name)
 
 
 def _open_realsense(rest: str, name: str, how: CameraOptions) -> Camera:
-    from edgemap.runtime.inputs.cameras.imu_buffer import ImuCamera
-    from edgemap.runtime.inputs.cameras.realsense import RealSenseDriver
-    from edgemap.runtime.inputs.cameras.realsense_recording import RealSenseRecording
-
     if rest.endswith((".db3", ".bag")) or "/" in rest:  # no serial number
-        return RealSenseRecording(user_path(rest), name, how)
+        return open_recording(user_path(rest), name, how)
     driver = RealSenseDriver(name, rest or None, how.depth)
     return ImuCamera(_open_live(driver, how), driver.imu)
 
 
 def _open_plugin(point: EntryPoint, address: str, spec: str, how: CameraOptions) -> Camera:
     """A camera of an entry point, of which nothing is taken for granted."""
-    from edgemap.runtime.inputs.cameras.checked import CheckedCamera
-
     try:
         source = load_plugin(point).open(address, how)
         if callable(getattr(source, "read", None)):
@@ -116,6 +110,4 @@ def _open_plugin(point: EntryPoint, address: str, spec: str, how: CameraOptions)
 
 
 def _open_live(driver: Driver, how: CameraOptions) -> Camera:
-    from edgemap.runtime.inputs.cameras.live import LiveCamera
-
     return LiveCamera(driver, how.intrinsics, how.mount, how.recovery)

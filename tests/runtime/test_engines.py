@@ -25,7 +25,8 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.inputs.cameras.pictures import PicturesCamera
+from edgemap.runtime.inputs.cameras.pictures import drive_camera
+from edgemap.runtime.inputs.drives import Drive
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import ENGINE_TOLERANCE, load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
@@ -184,7 +185,7 @@ def test_a_run_writes_the_boxes_of_the_last_picture_too(bundle, tmp_path):
     for index, path in enumerate(pictures):
         cv2.imwrite(str(path), noise(index))
     for name, one in {"alone": bundle, "beside": replace(bundle, companion=bundle)}.items():
-        camera = PicturesCamera(name, pictures, np.arange(9) / 10, FLOOR.intrinsics)
+        camera = drive_camera(Drive("", tmp_path, tuple(pictures), np.arange(9) / 10, FLOOR.intrinsics), name)
         slam = slam_of(one, POSES)
         assert len(list(steps(camera, slam, [RunFolder(tmp_path / name, FLOOR, {})]))) == 9
         lines = (tmp_path / name / "sightings.jsonl").read_text().splitlines()

@@ -15,7 +15,6 @@ from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.errors import GeometryError
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, Name, Side, Strict, convert
@@ -167,24 +166,3 @@ def _lens(lens: Intrinsics) -> dict[str, Any]:
     tree |= {name: float(getattr(lens, name)) for name in ("fx", "fy", "cx", "cy")}
     tree["distortion"] = {"model": lens.distortion.model, "coefficients": list(lens.distortion.coefficients)}
     return tree
-
-
-@dataclass(frozen=True, slots=True)
-class Setup:
-    """The camera of a data folder: the contents of `camera.yaml`, or the defaults of the layout."""
-
-    intrinsics: Intrinsics | None
-    mount: Mount | None
-    rate_hz: float
-    world_up: str
-    depth: DepthCamera | None = None
-
-
-def read_setup(folder: Path, world_up: str, intrinsics: Intrinsics | None = None) -> Setup:
-    """The folder's `camera.yaml` if there is one; `world_up` and `intrinsics` are the defaults for missing entries."""
-    path = folder / "camera.yaml"
-    if not path.is_file():
-        return Setup(intrinsics, None, DEFAULT_RATE_HZ, world_up)
-    file = read_camera_yaml(path)
-    rate_hz, up = file.rate_hz or DEFAULT_RATE_HZ, file.world_up or world_up
-    return Setup(file.intrinsics, file.mount, rate_hz, up, file.depth)

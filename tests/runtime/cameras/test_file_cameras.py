@@ -29,7 +29,6 @@ from edgemap.runtime.frames.camera import Camera, CameraOptions, check_size, nex
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.program_camera import FramesCamera, PushedCamera
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera, RotatedCamera, SearchRate
 from edgemap.runtime.inputs.drives import write_drive
 from edgemap.runtime.inputs.open import DEMO, open_camera
@@ -206,7 +205,7 @@ def jpeg(size, level):
 def sizes_of(path):
     """Of the frames before the end, or before one line."""
     sizes = set()
-    with VideoCamera("video", path) as camera, suppress(CameraError):
+    with open_camera(str(path)) as camera, suppress(CameraError):
         while (frame := camera.read()) is not None:
             sizes.add(frame.image.shape[:2])
     return sizes

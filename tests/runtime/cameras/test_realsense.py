@@ -17,8 +17,9 @@ from support.refusal import refused
 
 from edgemap.runtime.frames.camera import RecoveryRule
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.cameras import realsense_frames
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.realsense_recording import RealSenseRecording
+from edgemap.runtime.inputs.cameras.realsense_frames import await_begin
 from edgemap.runtime.inputs.open import open_camera
 
 rs: Any = pytest.importorskip("pyrealsense2")
@@ -112,16 +113,18 @@ def test_a_missing_library_names_its_remedy(complaint, remedy):
 
 
 @pytest.mark.parametrize(("reads", "times"), [(0, 5), (1, 5), (5, 5), (100, 1)])
-def test_the_thread_that_reads_a_recording_is_done_when_it_is_closed(realsense_recording, reads, times):
+def test_the_thread_that_reads_a_recording_is_done_when_it_is_closed(realsense_recording, reads, times, monkeypatch):
     """Else it would go on with a playback that is let go of, which ends the process."""
+    begun: list[Any] = []
+    monkeypatch.setattr(realsense_frames, "await_begin", lambda *given: (await_begin(*given), begun.append(given[1])))
     for _ in range(times):
+        begun.clear()
         camera = open_camera(f"realsense:{realsense_recording[0]}")
-        assert isinstance(camera, RealSenseRecording)
-        assert camera._playback.current_status() != rs.playback_status.stopped  # begun, not yet at its end
+        assert begun[0].current_status() != rs.playback_status.stopped  # begun, not yet at its end
         for _ in range(reads):
             camera.read()
         camera.close()
-        assert camera._playback.current_status() == rs.playback_status.stopped
+        assert begun[0].current_status() == rs.playback_status.stopped
 
 
 @pytest.mark.parametrize("room", ["recorded_motion", "depth_beside"])
