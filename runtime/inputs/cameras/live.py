@@ -44,7 +44,7 @@ class LiveCamera(Camera):
         self._slot: Picture | None = None
         self._lost: BaseException | None = None
         self._closing = False
-        self._supervisor = Supervisor(driver, device, self._faults.append, rule, self._clock_s, wait)
+        self._supervisor = Supervisor(driver, device, size, self._faults.append, rule, self._clock_s, wait)
         self._polled_s = self._clock_s()
         self._thread: threading.Thread | None = None
         if clock_s is None:
@@ -85,7 +85,7 @@ class LiveCamera(Camera):
                     )
                 if now_s >= until_s:
                     text = f"camera {self.info.name}: no frame within {TICK_S} s"
-                    raise FrameTimeout(text, self._supervisor.stream_s(), self.state)
+                    raise FrameTimeout(text, self._supervisor.clock.now_s(now_s), self.state)
                 if self._thread is None:
                     self._poll()
                 else:
