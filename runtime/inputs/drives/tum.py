@@ -1,6 +1,7 @@
 """TUM RGB-D: `rgb.txt` (stamp, file) with `groundtruth.txt`, or pictures with `poses.tum`; poses of the CAMERA."""
 
 from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -48,8 +49,12 @@ def _listed_pictures(folder: Path) -> Drive:
         return drive
     truth_stamps, poses = read_tum_3d(truth_path)
     recorded = Trajectory(truth_stamps, planarise_camera(poses, drive.world_up, drive.mount))
-    known = [i for i, stamp in enumerate(stamps) if _is_covered(truth_stamps, stamp)]
-    if not known:
+    # The truth's stamps around each picture's; at both ends twice the same.
+    after = np.searchsorted(truth_stamps, stamps)
+    before_s, after_s = truth_stamps[np.maximum(after - 1, 0)], truth_stamps[np.minimum(after, len(truth_stamps) - 1)]
+    nearest_s = np.minimum(np.abs(stamps - before_s), np.abs(stamps - after_s))
+    known = (after_s - before_s <= MAX_GAP_S) & (nearest_s <= MAX_GAP_S / 2)
+    if not known.any():
         raise CameraError(
             f"{truth_path}: covers {truth_stamps[0]:.3f} to {truth_stamps[-1]:.3f} s, "
             f"no picture of {listing} ({stamps[0]:.3f} to {stamps[-1]:.3f} s) lies in it"
@@ -57,7 +62,7 @@ def _listed_pictures(folder: Path) -> Drive:
     kept = stamps[known]
     return replace(
         drive,
-        images=tuple(drive.images[i] for i in known),
+        images=tuple(compress(drive.images, known)),
         stamps_s=kept,
         truth=Trajectory(kept, tuple(recorded.at(stamp, MAX_GAP_S) for stamp in kept.tolist())).from_start(),
         attitudes=camera_attitudes(truth_stamps, poses, drive.world_up),
@@ -74,10 +79,3 @@ def _listed(path: Path) -> tuple[Array, list[str]]:
         if not name or not name.isprintable():
             raise CameraError(f"{path}:{number}: no file is named after the stamp")
     return increasing(path, numbers, rows), names
-
-
-def _is_covered(truth_stamps: Array, stamp: float) -> bool:
-    after = int(np.searchsorted(truth_stamps, stamp))
-    near = truth_stamps[max(after - 1, 0) : after + 1]
-    gap = near[-1] - near[0]
-    return bool(gap <= MAX_GAP_S and np.abs(near - stamp).min() <= MAX_GAP_S / 2)
