@@ -1,5 +1,6 @@
 """SPEC to camera: one line per kind."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -21,7 +22,7 @@ from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.cameras.realsense import RealSenseDriver
 from edgemap.runtime.inputs.cameras.realsense_recording import open_recording
 from edgemap.runtime.inputs.cameras.webcam import StreamDriver, WebcamDriver
-from edgemap.runtime.inputs.cameras.wrappers import PacedCamera
+from edgemap.runtime.inputs.cameras.wrappers import PacedCamera, RotatedCamera
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
 from edgemap.runtime.inputs.drives.layout import drive_of
 from edgemap.runtime.inputs.drives.open import READERS, open_drive
@@ -37,16 +38,20 @@ STREAMS = ("rtsp", "rtsps", "http", "https")
 DEMO = Path(__file__).parent / "demo"
 
 
-def open_camera(spec: str = "demo", how: CameraOptions = CameraOptions()) -> Camera:  # noqa: B008
-    """Opens the camera that SPEC names.
+def open_camera(
+    spec: str = "demo",
+    how: CameraOptions = CameraOptions(),  # noqa: B008
+    with_sensors: Callable[[Camera], Camera] = lambda camera: camera,
+) -> Camera:
+    """Opens the camera that SPEC names. with_sensors: adds those of other programs, before pictures are turned.
 
     Raises CameraError or PluginError, one line, for an invalid SPEC or a source that cannot be opened.
     """
     with collected() as faults:
-        camera = _open(spec, how)
-    if faults:
-        camera.update_info(faults=(*camera.info.faults, *faults))
-    return PacedCamera(camera) if how.realtime and not camera.info.live else camera
+        camera = _open(spec, replace(how, intrinsics=how.intrinsics and how.intrinsics.rotated(-how.rotate)))
+    camera.update_info(faults=(*camera.info.faults, *faults))
+    camera = with_sensors(PacedCamera(camera) if how.realtime and not camera.info.live else camera)
+    return RotatedCamera(camera, how.rotate) if how.rotate else camera
 
 
 def _open(spec: str, how: CameraOptions) -> Camera:

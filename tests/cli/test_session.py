@@ -2,6 +2,7 @@ import inspect
 import json
 from typing import Any, cast
 
+import cv2
 import numpy as np
 import pytest
 from support.rooms import content_of
@@ -103,6 +104,12 @@ def test_a_camera_file_brings_lens_and_mount(painted_bundle, pictures, tmp_path)
     assert len(shown) < 150
     with pytest.raises(CameraError, match=r"nowhere\.yaml: cannot be read"):
         edgemap_api.open(camera=f"{bare}", bundle=painted_bundle, camera_file=tmp_path / "nowhere.yaml")
+
+
+def test_pictures_of_a_camera_on_its_side_are_turned(painted_bundle, pictures):
+    with edgemap_api.open(pictures, painted_bundle, rotate=90) as session:
+        first, plain = next(session).frame.image, cv2.imread(str(pictures / "0.png"))
+    np.testing.assert_array_equal(first, np.rot90(plain, -1))
 
 
 def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_path, monkeypatch):
@@ -224,6 +231,7 @@ def test_only_the_classes_asked_for_are_mapped_and_a_lens_of_another_size_is_war
         ({**KNOWN, "confidence": 3.0}, "confidence=3: expected more than 0, at most 1"),
         ({"frames": noise(1), **KNOWN, "rate": -1.0}, "rate=-1: expected more than 0"),
         ({"frames": noise(1), **KNOWN, "rotate": 90}, "rotate=90: only the source"),
+        ({"camera": "demo", "rotate": 45}, "rotate=45: expected 0, 90, 180 or 270"),
         ({"frames": noise(1), **KNOWN, "start": "dock"}, r"in a saved map \(--map, map=\)"),
     ],
 )
