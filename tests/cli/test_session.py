@@ -1,5 +1,6 @@
 import inspect
 import json
+from dataclasses import replace
 from typing import Any, cast
 
 import cv2
@@ -108,8 +109,7 @@ def test_a_camera_file_brings_lens_and_mount(painted_bundle, pictures, tmp_path)
 
 def test_pictures_of_a_camera_on_its_side_are_turned(painted_bundle, pictures):
     with edgemap_api.open(pictures, painted_bundle, rotate=90) as session:
-        first, plain = next(session).frame.image, cv2.imread(str(pictures / "0.png"))
-    np.testing.assert_array_equal(first, np.rot90(plain, -1))
+        np.testing.assert_array_equal(next(session).frame.image, np.rot90(cv2.imread(str(pictures / "0.png")), -1))
 
 
 def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_path, monkeypatch):
@@ -117,7 +117,7 @@ def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_
     none."""
     described, file = read_camera_yaml(pictures / "camera.yaml"), tmp_path / "guess.yaml"
     guess = {"method": "guessed", "focal_sigma_share": 0.0, "height_sigma_share": 0.2, "sigma_pitch_deg": 0.0}
-    write_camera_yaml(file, described.intrinsics, described.mount, calibration=guess)
+    write_camera_yaml(file, replace(described, calibration=guess))
     monkeypatch.setattr(height_check, "FEWEST", 1)  # the source has three pictures
     soon = Config(height=HeightRule(judged_s=0.0))
     for name, more, guessed in (("guess", {}, True), ("given", {"mount": (1.0, 0.0)}, False)):

@@ -18,7 +18,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.spatial_poses import planarise_base
 from edgemap.runtime.frames.trajectory import Trajectory, tum_line
-from edgemap.runtime.inputs.drives.camera_yaml import write_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.layout import drive_of, one_each, with_depth
 from edgemap.runtime.inputs.drives.pictures import list_pictures
@@ -53,7 +53,7 @@ def write_locobot(
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_camera_yaml(folder / "camera.yaml", intrinsics, mount, rate_hz)
+    write_camera_yaml(folder / "camera.yaml", CameraFile(intrinsics, mount, rate_hz))
     write_wheel_csv(folder / "odometry.csv", odometry)
     if poses is not None:
         lines = [tum_line(stamp, pose) for stamp, pose in zip(poses.stamps_s, poses.poses, strict=True)]

@@ -27,7 +27,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.spatial_poses import base_attitudes, planarise_base
 from edgemap.runtime.frames.trajectory import EDGE_S, Trajectory, tum_line
-from edgemap.runtime.inputs.drives.camera_yaml import write_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.layout import drive_of, one_each, rate_of_stamps, with_depth
 from edgemap.runtime.inputs.drives.pictures import list_pictures
@@ -91,7 +91,7 @@ def write_drive(
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_camera_yaml(folder / "camera.yaml", intrinsics, mount, rate_hz)
+    write_camera_yaml(folder / "camera.yaml", CameraFile(intrinsics, mount, rate_hz))
     rows = zip(poses.stamps_s, poses.poses, strict=True)
     lines = (tum_line(stamp, pose) for stamp, pose in rows)
     if tilts is not None:

@@ -135,12 +135,11 @@ def test_reading_goes_on_past_a_damaged_picture_and_one_of_another_size(tmp_path
     (tmp_path / "p" / "2.png").unlink()
     write_pictures(tmp_path / "q", 3, size=(20, 30))
     (tmp_path / "q" / "2.png").rename(tmp_path / "p" / "3.png")
-    faults, frames = [], []
+    faults = []
     with open_camera(str(tmp_path / "p")) as camera:
         assert camera.info.size == (64, 48)
         (tmp_path / "p" / "1.png").unlink()
-        while (frame := next_frame(camera, faults.append)) is not None:
-            frames.append(frame)
+        frames = list(iter(lambda: next_frame(camera, faults.append), None))
     assert [fault.kind.value for fault in faults] == ["damaged", "damaged", "size"]
     assert [(frame.index, frame.stamp_s) for frame in frames] == [(0, 0.3)]  # stamps stay where the files are
 
@@ -206,8 +205,7 @@ def sizes_of(path):
     """Of the frames before the end, or before one line."""
     sizes = set()
     with open_camera(str(path)) as camera, suppress(CameraError):
-        while (frame := camera.read()) is not None:
-            sizes.add(frame.image.shape[:2])
+        sizes.update(frame.image.shape[:2] for frame in iter(camera.read, None))
     return sizes
 
 

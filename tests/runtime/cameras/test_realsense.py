@@ -116,15 +116,14 @@ def test_a_missing_library_names_its_remedy(complaint, remedy):
 def test_the_thread_that_reads_a_recording_is_done_when_it_is_closed(realsense_recording, reads, times, monkeypatch):
     """Else it would go on with a playback that is let go of, which ends the process."""
     begun: list[Any] = []
-    monkeypatch.setattr(realsense_frames, "await_begin", lambda *given: (await_begin(*given), begun.append(given[1])))
+    monkeypatch.setattr(realsense_frames, "await_begin", lambda *given: await_begin(*given) or begun.append(given[1]))
     for _ in range(times):
-        begun.clear()
         camera = open_camera(f"realsense:{realsense_recording[0]}")
-        assert begun[0].current_status() != rs.playback_status.stopped  # begun, not yet at its end
+        assert begun[-1].current_status() != rs.playback_status.stopped  # begun, not yet at its end
         for _ in range(reads):
             camera.read()
         camera.close()
-        assert begun[0].current_status() == rs.playback_status.stopped
+        assert begun[-1].current_status() == rs.playback_status.stopped
 
 
 @pytest.mark.parametrize("room", ["recorded_motion", "depth_beside"])
