@@ -67,9 +67,9 @@ def _open(spec: str, how: CameraOptions) -> Camera:
         return _open_realsense(rest, spec, how)
     if spec.isdecimal() or spec.startswith("/dev/video"):
         device = Path(f"/dev/video{spec}" if spec.isdecimal() else spec)
-        return _open_live(WebcamDriver(device, spec, how.intrinsics), how)
+        return LiveCamera(WebcamDriver(device, spec, how.intrinsics), how)
     if kind in STREAMS:
-        return _open_live(StreamDriver(spec), how)
+        return LiveCamera(StreamDriver(spec), how)
     if plugin is not None:
         return _open_plugin(*plugin, spec, how)
     path = user_path(spec)
@@ -95,7 +95,7 @@ def _open_realsense(rest: str, name: str, how: CameraOptions) -> Camera:
     if rest.endswith((".db3", ".bag")) or "/" in rest:  # no serial number
         return open_recording(user_path(rest), name, how)
     driver = RealSenseDriver(name, rest or None, how.depth)
-    return ImuCamera(_open_live(driver, how), driver.imu)
+    return ImuCamera(LiveCamera(driver, how), driver.imu)
 
 
 def _open_plugin(point: EntryPoint, address: str, spec: str, how: CameraOptions) -> Camera:
@@ -107,12 +107,8 @@ def _open_plugin(point: EntryPoint, address: str, spec: str, how: CameraOptions)
             return cast(Camera, source) if ours else CheckedCamera(source, spec)
         if not callable(getattr(source, "open", None)):
             raise CameraError(f"camera {spec}: its package gave a {type(source).__name__}, no Camera and no Driver")
-        return _open_live(cast(Driver, source), how)
+        return LiveCamera(cast(Driver, source), how)
     except EdgemapError:
         raise
     except THEIRS as error:
         raise CameraError(f"camera {spec}: does not open ({error_line(error)})") from error
-
-
-def _open_live(driver: Driver, how: CameraOptions) -> Camera:
-    return LiveCamera(driver, how.intrinsics, how.mount, how.recovery)

@@ -40,14 +40,10 @@ class FileCamera(Camera):
     pictures."""
 
     def __init__(
-        self,
-        info: CameraInfo,
-        shots: Shots,
-        resources: ExitStack | None = None,
-        depth_camera: DepthCamera | None = None,
+        self, info: CameraInfo, shots: Shots, resources: ExitStack, depth_camera: DepthCamera | None = None
     ) -> None:
         super().__init__(info)
-        self._shots, self._resources, self._depth_camera = shots, resources or ExitStack(), depth_camera
+        self._shots, self._resources, self._depth_camera = shots, resources, depth_camera
         self._registration: DepthRegistration | None = None
 
     def read(self) -> Frame | None:
@@ -82,7 +78,8 @@ class FileCamera(Camera):
 
 def drive_camera(drive: Drive, name: str) -> FileCamera:
     """The drive's frames at the drive's stamps. Raises CameraError where none can be read."""
-    info, shots = _pictures(drive, name) if drive.video is None else _video(drive, drive.video, name)
+    video, resources = drive.video, ExitStack()
+    info, shots = _pictures(drive, name) if video is None else _video(drive, video, name, resources)
     info = replace(
         info,
         intrinsics=drive.intrinsics,
@@ -93,17 +90,18 @@ def drive_camera(drive: Drive, name: str) -> FileCamera:
         wheel=drive.wheel,
         imu=drive.imu,
     )
-    return FileCamera(info, shots, depth_camera=drive.depth_camera)
+    return FileCamera(info, shots, resources, drive.depth_camera)
 
 
-def _video(drive: Drive, path: Path, name: str) -> tuple[CameraInfo, Shots]:
-    """A video that OpenCV decodes. Memory is bounded, independent of the size that the file claims. Raises CameraError
-    for no video, and for one of too many pixels."""
+def _video(drive: Drive, path: Path, name: str, resources: ExitStack) -> tuple[CameraInfo, Shots]:
+    """A video that OpenCV decodes, closed with the resources. Memory is bounded, independent of the size that the file
+    claims. Raises CameraError for no video, and for one of too many pixels."""
     if _is_text(path):  # a list of other files, which FFmpeg would play
         raise CameraError(f"{path}: a text, not a video")
     # Without a named backend OpenCV also takes the path for a picture pattern.
     known = cv2.videoio_registry.getBackends()
     capture = cv2.VideoCapture(library_path(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
+    resources.callback(capture.release)
     if not capture.isOpened():
         raise CameraError(
             f"{path}: not a video that OpenCV reads ({path.stat().st_size} bytes): cut off, or another format"

@@ -31,12 +31,12 @@ class Supervisor:
         device: Device,
         size: tuple[int, int],
         report: Callable[[CameraFault], None],
-        rule: RecoveryRule | None,
+        rule: RecoveryRule,
         clock_s: Callable[[], float],
         wait: Callable[[float], object] | None,
     ) -> None:
         self.state = CameraState.RUNNING
-        self._driver, self._report, self._clock_s, self._rule = driver, report, clock_s, rule or RecoveryRule()
+        self._driver, self._report, self._clock_s, self._rule = driver, report, clock_s, rule
         self._wake = threading.Event()
         self._wait = wait or self._wake.wait
         self._device: Device | None = device

@@ -15,7 +15,7 @@ from support.realsense_playback import Playback
 from support.recordings import drain
 from support.refusal import refused
 
-from edgemap.runtime.frames.camera import RecoveryRule
+from edgemap.runtime.frames.camera import CameraOptions, RecoveryRule
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.cameras import realsense_frames
 from edgemap.runtime.inputs.cameras.live import LiveCamera
@@ -141,7 +141,7 @@ def test_what_librealsense_says_of_damaged_motion_or_depth_is_one_line(realsense
 def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):
     path, pictures, _ = realsense_recording
     driver, faults = Playback(path), []
-    with LiveCamera(driver, rule=RecoveryRule(stall_limit_s=0.4)) as camera:
+    with LiveCamera(driver, CameraOptions(recovery=RecoveryRule(stall_limit_s=0.4))) as camera:
         assert (camera.info.live, camera.info.size, camera.info.rate_hz) == (True, (640, 480), 30.0)
         assert camera.info.intrinsics.fx == 615.2
         driver.broken = 1
