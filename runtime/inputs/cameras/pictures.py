@@ -186,8 +186,8 @@ def _pictures(drive: Drive, name: str) -> tuple[CameraInfo, Shots]:
 
 def _of_pictures(drive: Drive, size: tuple[int, int], levels: Levels) -> Shots:
     """The drive's pictures, with a fault for each that is damaged or not of the size, (width, height)."""
-    depth: Iterable[Path | None] = drive.depth or repeat(None)
-    for path, stamp_s, beside in zip(drive.images, drive.stamps_s.tolist(), depth, strict=False):
+    depths: Iterable[Path | None] = drive.depth or repeat(None)
+    for path, stamp_s, depth in zip(drive.images, drive.stamps_s.tolist(), depths, strict=False):
         try:
             image = read_picture(path, levels)
         except CameraError as error:
@@ -195,7 +195,7 @@ def _of_pictures(drive: Drive, size: tuple[int, int], levels: Levels) -> Shots:
             continue
         height, width = image.shape[:2]
         if (width, height) == size:
-            yield image, stamp_s, str(path), beside
+            yield image, stamp_s, str(path), depth
         else:
             text = f"{path}: picture is {width}x{height}, the others are {size[0]}x{size[1]}, skipped"
             yield CameraFault(FaultKind.SIZE, text)

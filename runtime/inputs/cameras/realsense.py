@@ -23,13 +23,10 @@ def import_realsense() -> ModuleType:
     try:
         import pyrealsense2
     except ImportError as error:
+        needed = f"librealsense's Python module: {install_hint('realsense')}"
         if "libusb" in str(error):
-            raise MissingExtraError(
-                f"RealSense needs the system library libusb: apt install libusb-1.0-0 ({error})"
-            ) from None
-        raise MissingExtraError(
-            f"RealSense needs librealsense's Python module: {install_hint('realsense')} ({error})"
-        ) from None
+            needed = "the system library libusb: apt install libusb-1.0-0"
+        raise MissingExtraError(f"RealSense needs {needed} ({error})") from None
     _kept_context()
     return pyrealsense2
 

@@ -19,8 +19,8 @@ Rows = TypeVar("Rows", bound=Sized)
 
 def drive_of(kind: str, folder: Path, images: tuple[Path, ...] = (), world_up: str = "z") -> Drive:
     """Pictures with the camera of the folder's `camera.yaml`, where there is one, at stamps of number / rate, 10 a
-    second by default. world_up: that of the layout, where the file states none. Raises CameraError, also where our own
-    layout has no `camera.yaml`."""
+    second by default. world_up: that of the layout, where the file states none. Raises CameraError, also for edgemap's
+    layout without a `camera.yaml`."""
     path = folder / "camera.yaml"
     drive = Drive(kind, folder, images, np.arange(len(images)) / DEFAULT_RATE_HZ, world_up=world_up)
     if kind != "drive" and not path.is_file():
