@@ -1,9 +1,7 @@
 import inspect
 import json
-from dataclasses import replace
 from typing import Any, cast
 
-import cv2
 import numpy as np
 import pytest
 from support.rooms import content_of
@@ -18,7 +16,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.opening import GuessWarning
 from edgemap.runtime.frames import extras
 from edgemap.runtime.frames.errors import CameraError, CameraFault, MissingExtraError
-from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml, write_camera_yaml
 from edgemap.runtime.motion import height_check
 from edgemap.runtime.motion.height_check import HeightRule
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -107,17 +105,12 @@ def test_a_camera_file_brings_lens_and_mount(painted_bundle, pictures, tmp_path)
         edgemap_api.open(camera=f"{bare}", bundle=painted_bundle, camera_file=tmp_path / "nowhere.yaml")
 
 
-def test_pictures_of_a_camera_on_its_side_are_turned(painted_bundle, pictures):
-    with edgemap_api.open(pictures, painted_bundle, rotate=90) as session:
-        np.testing.assert_array_equal(next(session).frame.image, np.rot90(cv2.imread(str(pictures / "0.png")), -1))
-
-
 def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_path, monkeypatch):
     """As in a run: lengths are corrected with the height, and the verdict contains the guess; a mount that is given is
     none."""
     described, file = read_camera_yaml(pictures / "camera.yaml"), tmp_path / "guess.yaml"
     guess = {"method": "guessed", "focal_sigma_share": 0.0, "height_sigma_share": 0.2, "sigma_pitch_deg": 0.0}
-    write_camera_yaml(file, replace(described, calibration=guess))
+    write_camera_yaml(file, CameraFile(described.intrinsics, described.mount, calibration=guess))
     monkeypatch.setattr(height_check, "FEWEST", 1)  # the source has three pictures
     soon = Config(height=HeightRule(judged_s=0.0))
     for name, more, guessed in (("guess", {}, True), ("given", {"mount": (1.0, 0.0)}, False)):

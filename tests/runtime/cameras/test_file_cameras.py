@@ -295,10 +295,12 @@ def test_what_is_stated_is_of_the_upright_pictures():
     with open_described("demo", None) as camera:
         lens = camera.info.intrinsics
     upright = lens.rotated(90)
-    with open_described("demo", None, CameraOptions(intrinsics=upright, rotate=90)) as camera:
-        assert camera.info.intrinsics == upright
-        assert camera.info.size == (480, 640)
-        assert camera.info.mount is not None
+    session = open_session("demo", intrinsics=upright, rotate=90)
+    for camera in (open_described("demo", None, CameraOptions(intrinsics=upright, rotate=90)), session.camera):
+        with camera:
+            assert camera.info.intrinsics == upright
+            assert camera.info.size == camera.read().image.shape[1::-1] == (480, 640)
+            assert camera.info.mount is not None
 
 
 def test_gravity_of_a_camera_on_its_side_points_up_in_upright_pictures():

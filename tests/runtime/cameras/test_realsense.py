@@ -19,7 +19,6 @@ from edgemap.runtime.frames.camera import CameraOptions, RecoveryRule
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.cameras import realsense_frames
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.realsense_frames import await_begin
 from edgemap.runtime.inputs.open import open_camera
 
 rs: Any = pytest.importorskip("pyrealsense2")
@@ -115,8 +114,8 @@ def test_a_missing_library_names_its_remedy(complaint, remedy):
 @pytest.mark.parametrize(("reads", "times"), [(0, 5), (1, 5), (5, 5), (100, 1)])
 def test_the_thread_that_reads_a_recording_is_done_when_it_is_closed(realsense_recording, reads, times, monkeypatch):
     """Else it would go on with a playback that is let go of, which ends the process."""
-    begun: list[Any] = []
-    monkeypatch.setattr(realsense_frames, "await_begin", lambda *given: await_begin(*given) or begun.append(given[1]))
+    begun, begin = [], realsense_frames.await_begin
+    monkeypatch.setattr(realsense_frames, "await_begin", lambda *given: begin(*given) or begun.append(given[1]))
     for _ in range(times):
         camera = open_camera(f"realsense:{realsense_recording[0]}")
         assert begun[-1].current_status() != rs.playback_status.stopped  # begun, not yet at its end

@@ -147,8 +147,7 @@ def test_c2w_reads_its_lens(tmp_path):
 
 
 def tum(folder, step_s, first_s, last_s):
-    """Four pictures from 10 s on, and truth between two stamps. Optical axes facing world x with z up are the
-    quaternion (-0.5, 0.5, -0.5, 0.5)."""
+    """Four pictures from 10 s on, and truth between two stamps: optical axes facing world x, z up."""
     write_pictures(folder / "rgb", 4)
     (folder / "rgb.txt").write_text("# stamp file\n" + "".join(f"{10 + i * step_s} rgb/{i}.png\n" for i in range(4)))
     rows = [f"{stamp:.2f} {stamp - 10} 0 1 -0.5 0.5 -0.5 0.5\n" for stamp in np.arange(first_s, last_s, 0.05)]
