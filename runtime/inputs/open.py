@@ -32,7 +32,7 @@ UNDERSTOOD = (
     "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, an rtsp:// or http(s):// stream, "
     "a video file, a folder of pictures, "
     "a recording FILE.mcap|.db3|.bag[#/topic] or the folder of a bag, a topic ros2:/camera/image_raw, sim:SEED, "
-    "or KIND:DIR with KIND one of kitti, tum, c2w, drive, euroc, locobot, yolo"
+    f"or KIND:DIR with KIND one of {', '.join(READERS)}"
 )
 STREAMS = ("rtsp", "rtsps", "http", "https")
 DEMO = Path(__file__).parent / "demo"
