@@ -98,6 +98,8 @@ def open_session(
         raise CameraError(f"frames={frames!r}: expected pictures, or (stamp_s, picture) pairs")
     if rotate and not isinstance(camera, str | int | Path):
         raise CameraError(f"rotate={rotate}: only the source of a SPEC is turned")
+    if rotate not in (0, 90, 180, 270):
+        raise UsageError(f"rotate={rotate}: expected 0, 90, 180 or 270 degrees")
     for word, value, most in (("confidence", confidence, 1.0), ("rate", rate, inf)):
         if value is not None and not 0.0 < value <= most:
             raise UsageError(f"{word}={value:g}: expected more than 0" + (", at most 1" if most == 1.0 else ""))

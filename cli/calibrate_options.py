@@ -2,7 +2,7 @@
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -73,8 +73,8 @@ class CalibrationOptions:
         described = self.camera_file
         existing = camera_yaml.read_camera_yaml(described) if described else camera_yaml.CameraFile(lens)
         calibration = existing.calibration | {part: record}
-        world_up = existing.world_up or "z"
-        camera_yaml.write_camera_yaml(self.out, lens, mount, existing.rate_hz, world_up, calibration, existing.depth)
+        file = replace(existing, intrinsics=lens, mount=mount, calibration=calibration)
+        camera_yaml.write_camera_yaml(self.out, file)
         print(f"written to {self.out}")
 
 

@@ -1,7 +1,7 @@
 """Options that name a camera, its lens and its mount, and how their text is read. No heavy imports here."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -134,9 +134,8 @@ def open_described(spec: str, camera_file: Path | None, how: "CameraOptions | No
     """Opens a camera, with the sensors on ROS 2 topics that are asked for. The lens and mount of a camera file override
     the source's own, and a webcam is asked for the lens's size."""
     from edgemap.bridges.ros2.cameras import add_sensors
-    from edgemap.runtime.frames.camera import CameraOptions
+    from edgemap.runtime.frames.camera import CameraOptions, SensorTopics
     from edgemap.runtime.inputs.cameras.kinds import file_kind
-    from edgemap.runtime.inputs.cameras.wrappers import RotatedCamera
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
     from edgemap.runtime.inputs.open import open_camera
 
@@ -144,11 +143,8 @@ def open_described(spec: str, camera_file: Path | None, how: "CameraOptions | No
     if camera_file is not None:
         described = read_camera_yaml(camera_file)
         how = replace(how, intrinsics=described.intrinsics, mount=described.mount)
-    if how.rotate and how.intrinsics is not None:
-        how = replace(how, intrinsics=how.intrinsics.rotated(-how.rotate))
-    camera = open_camera(spec, how)
-    camera = camera if file_kind(spec) else add_sensors(camera, how.topics)  # a recording has its own topics
-    return RotatedCamera(camera, how.rotate) if how.rotate else camera
+    topics = SensorTopics() if file_kind(spec) else how.topics  # a recording has its own topics
+    return open_camera(spec, how, partial(add_sensors, topics=topics))
 
 
 def known_lens(camera: "Camera", intrinsics: str | None) -> "Intrinsics":

@@ -4,7 +4,7 @@ import math
 import shlex
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from edgemap.runtime.frames.reading import without_secrets
 
@@ -151,7 +151,8 @@ class CameraKeeper:
         ]
         return "\n".join(lines)
 
-    def _write(self, calibration: dict[str, object]) -> None:
-        from edgemap.runtime.inputs.drives.camera_yaml import write_camera_yaml
+    def _write(self, calibration: dict[str, Any]) -> None:
+        from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, write_camera_yaml
 
-        write_camera_yaml(self._path, self._floor.intrinsics, self._floor.mount, calibration=calibration)
+        file = CameraFile(self._floor.intrinsics, self._floor.mount, calibration=calibration)
+        write_camera_yaml(self._path, file)

@@ -13,7 +13,7 @@ from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml, write_camera_yaml
 
 LENS = Intrinsics(640, 480, 520.0, 523.0, 315.0, 243.0)
 MOUNT = Mount.from_degrees(0.52, 22.0, 1.5)
@@ -87,7 +87,7 @@ def test_mount_of_a_drive_with_depth(edgemap, tmp_path):
         cv2.imwrite(str(drive / "depth" / f"{i}.png"), millimetres)
     (drive / "poses.tum").write_text("".join(f"{i / 10} 0 0 0 0 0 0 1\n" for i in range(4)))
     lens = drive / "camera.yaml"
-    write_camera_yaml(lens, LENS, depth=DepthCamera(LENS))  # of its own, where the lens is
+    write_camera_yaml(lens, CameraFile(LENS, depth=DepthCamera(LENS)))  # of its own, where the lens is
     out = tmp_path / "out.yaml"
     result = edgemap.ok("calibrate", "mount", "--camera", f"drive:{drive}", "--camera-file", lens, "-o", out)
     assert "4 of 4 depth pictures show a floor" in result.stdout

@@ -18,7 +18,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives import write_drive
-from edgemap.runtime.inputs.drives.camera_yaml import write_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, write_camera_yaml
 from edgemap.runtime.step.map_file import save_map
 
 LONG, NINES = "a" * 5000, "9" * 5000
@@ -226,7 +226,7 @@ def world(tmp_path_factory) -> Path:
     write_drive(folder / "carpets", lens, Mount(0.6), 10.0, way, boxes=boxes)
     for name in ("empty/images/0.png", "net.onnx", "there.mcap"):
         (folder / name).touch()
-    write_camera_yaml(folder / "lens.yaml", lens)
+    write_camera_yaml(folder / "lens.yaml", CameraFile(lens))
     save_map(folder / "room.json", mapped([("chair", 3.0, 0.0), ("chair", -1.0, 0.5), ("couch", 1.0, 1.0)]))
     save_map(folder / "run" / "map.json", mapped([("chair", 1.0, 0.0), ("couch", 3.0, 2.0)]))
     record = {"mount": {"height_m": 0.75}, "odometry": "hybrid", "quality": {"wheel_frames": 0}}

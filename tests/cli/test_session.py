@@ -16,7 +16,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.opening import GuessWarning
 from edgemap.runtime.frames import extras
 from edgemap.runtime.frames.errors import CameraError, CameraFault, MissingExtraError
-from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml, write_camera_yaml
 from edgemap.runtime.motion import height_check
 from edgemap.runtime.motion.height_check import HeightRule
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
@@ -110,7 +110,7 @@ def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_
     none."""
     described, file = read_camera_yaml(pictures / "camera.yaml"), tmp_path / "guess.yaml"
     guess = {"method": "guessed", "focal_sigma_share": 0.0, "height_sigma_share": 0.2, "sigma_pitch_deg": 0.0}
-    write_camera_yaml(file, described.intrinsics, described.mount, calibration=guess)
+    write_camera_yaml(file, CameraFile(described.intrinsics, described.mount, calibration=guess))
     monkeypatch.setattr(height_check, "FEWEST", 1)  # the source has three pictures
     soon = Config(height=HeightRule(judged_s=0.0))
     for name, more, guessed in (("guess", {}, True), ("given", {"mount": (1.0, 0.0)}, False)):
@@ -224,6 +224,7 @@ def test_only_the_classes_asked_for_are_mapped_and_a_lens_of_another_size_is_war
         ({**KNOWN, "confidence": 3.0}, "confidence=3: expected more than 0, at most 1"),
         ({"frames": noise(1), **KNOWN, "rate": -1.0}, "rate=-1: expected more than 0"),
         ({"frames": noise(1), **KNOWN, "rotate": 90}, "rotate=90: only the source"),
+        ({"camera": "demo", "rotate": 45}, "rotate=45: expected 0, 90, 180 or 270"),
         ({"frames": noise(1), **KNOWN, "start": "dock"}, r"in a saved map \(--map, map=\)"),
     ],
 )

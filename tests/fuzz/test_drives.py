@@ -27,7 +27,7 @@ from support.live_camera import Clock
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraState, Driver, Picture
+from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraOptions, CameraState, Driver, Picture
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack, Trajectory
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera
@@ -152,7 +152,7 @@ def drive(drawn, begin_s, imu, live, placed, corners, device_of=Clocks):
     buffer = ImuBuffer(clock_s=clock) if imu and live else None
     device: Any = device_of(room, drawn, clock, begin_s, buffer)
     if live:
-        camera = LiveCamera(device, FLOOR.intrinsics, FLOOR.mount, None, clock, clock.wait)
+        camera = LiveCamera(device, CameraOptions(FLOOR.intrinsics, FLOOR.mount), clock, clock.wait)
         camera = camera if buffer is None else ImuCamera(camera, buffer)
     else:
         camera = CheckedCamera(Theirs(device, imu), "theirs")

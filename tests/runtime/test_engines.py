@@ -22,10 +22,10 @@ from support.pictures import noise
 
 from edgemap.cli.network_options import NetworkOptions
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import CameraOptions
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.inference import Inference
-from edgemap.runtime.inputs.cameras.pictures import PicturesCamera
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import ENGINE_TOLERANCE, load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
@@ -180,11 +180,11 @@ def test_boxes_are_placed_by_the_pose_of_their_picture(bundle, every):
 
 
 def test_a_run_writes_the_boxes_of_the_last_picture_too(bundle, tmp_path):
-    written, pictures = {}, [tmp_path / f"{index}.png" for index in range(9)]
-    for index, path in enumerate(pictures):
-        cv2.imwrite(str(path), noise(index))
+    written = {}
+    for index in range(9):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), noise(index))
     for name, one in {"alone": bundle, "beside": replace(bundle, companion=bundle)}.items():
-        camera = PicturesCamera(name, pictures, np.arange(9) / 10, FLOOR.intrinsics)
+        camera = open_camera(str(tmp_path), CameraOptions(FLOOR.intrinsics))
         slam = slam_of(one, POSES)
         assert len(list(steps(camera, slam, [RunFolder(tmp_path / name, FLOOR, {})]))) == 9
         lines = (tmp_path / name / "sightings.jsonl").read_text().splitlines()

@@ -42,7 +42,7 @@ from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.frames.trajectory import Trajectory, trajectory_of
-from edgemap.runtime.inputs.cameras.pictures import VideoCamera, drive_camera
+from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml
 from edgemap.runtime.inputs.drives.lens_files import read_foreign_lens
@@ -51,6 +51,7 @@ from edgemap.runtime.inputs.drives.pose_files import read_matrices, read_stamps,
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv
 from edgemap.runtime.inputs.drives.truth import read_boxes, read_objects
 from edgemap.runtime.inputs.drives.yolo import COCO_NAMES, label_table
+from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.outputs.map_formats.geojson import geojson_text
 from edgemap.runtime.outputs.map_formats.grid import grid_of
 from edgemap.runtime.outputs.map_formats.nav2 import vector_text
@@ -273,7 +274,7 @@ def video(tmp_path_factory) -> bytes:
 def test_a_damaged_video_gives_its_pictures_or_one_line(video, data, tmp_path):
     path = tmp_path / "a.mp4"
     path.write_bytes(data.draw(mutated_bytes(video)))
-    refused_or(lambda: drained(VideoCamera("a", path)))
+    refused_or(lambda: drained(open_camera(str(path))))
 
 
 # Whole folders: every layout, one or two of its files damaged or missing.

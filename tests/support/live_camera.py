@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.runtime.frames.camera import next_frame
+from edgemap.runtime.frames.camera import CameraOptions, next_frame
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 
 
@@ -72,7 +72,7 @@ def scripted(script=None, rule=None, **options) -> Any:
     """(camera, driver, clock)."""
     clock = Clock()
     driver: Any = ScriptedDriver(clock, script, **options)
-    return LiveCamera(driver, rule=rule, clock_s=clock, wait=clock.wait), driver, clock
+    return LiveCamera(driver, CameraOptions(recovery=rule), clock_s=clock, wait=clock.wait), driver, clock
 
 
 def drain(camera, frames, told=None):

@@ -19,7 +19,7 @@ from edgemap.bridges.ros2.recordings.pictures import PICTURE_KINDS
 from edgemap.bridges.ros2.recordings.reading import short
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import Camera, Driver, Picture, RecoveryRule, SensorTopics
+from edgemap.runtime.frames.camera import Camera, CameraOptions, Driver, Picture, RecoveryRule, SensorTopics
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.limits import EVERY_S, TICK_S
@@ -116,7 +116,7 @@ class Ros2Camera(LiveCamera):
         rotate: int = 0,
     ) -> None:
         driver = Ros2Driver(node, topic, depth)
-        super().__init__(driver, intrinsics, mount, rule)
+        super().__init__(driver, CameraOptions(intrinsics, mount, recovery=rule))
         self.optical = driver.frame_id
         tf = live_tf_poses(node, driver.name, lambda: -self.clock_offset_s)
         self.update_info(mount=mount or driver.mount(rotate), tf=tf)

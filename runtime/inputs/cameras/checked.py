@@ -24,13 +24,10 @@ FAILURES = 100  # reads in a row without a frame, after which the camera is at i
 
 def stamp_of(value: Any) -> float:
     """A stamp in seconds; NaN where it is not a number, or so large that frames could not be distinguished."""
-    if isinstance(value, bool) or not isinstance(value, Real):
-        return math.nan
-    try:
-        stamp_s = float(value)
-    except (OverflowError, ValueError):
-        return math.nan
-    return stamp_s if abs(stamp_s) < LARGEST_STAMP_S else math.nan
+    with suppress(OverflowError, ValueError):
+        if isinstance(value, Real) and not isinstance(value, bool) and abs(stamp_s := float(value)) < LARGEST_STAMP_S:
+            return stamp_s
+    return math.nan
 
 
 def size_of(value: Any, name: str) -> tuple[int, int]:

@@ -36,20 +36,17 @@ def connected_cameras() -> tuple[list[ConnectedCamera], list[str]]:
         cameras += [ConnectedCamera("realsense", f"realsense:{serial}", name, True) for serial, name in devices()]
     except EdgemapError as error:
         notes.append(str(error))
-    seen_by_librealsense = bool(cameras)
-    for camera in _video_devices():
-        # A RealSense also appears as V4L2 devices, without its intrinsics.
-        if not (seen_by_librealsense and "RealSense" in camera.name):
-            cameras.append(camera)
+    # A RealSense also appears as V4L2 devices, without its intrinsics.
+    listed = bool(cameras)
+    cameras += [camera for camera in _video_devices() if not (listed and "RealSense" in camera.name)]
     try:
         for kind, point in sorted(plugins(CAMERAS).items()):
             try:
                 for address, name in load_plugin(point).found():
                     cameras.append(ConnectedCamera(kind, f"{kind}:{address}" if address else kind, one_line(name)))
-            except EdgemapError as error:
-                notes.append(str(error))
             except THEIRS as error:
-                notes.append(f"camera kind {kind!r}: {one_line(error_line(error))}")
+                known = isinstance(error, EdgemapError)
+                notes.append(str(error) if known else f"camera kind {kind!r}: {one_line(error_line(error))}")
     except EdgemapError as error:
         notes.append(str(error))
     return cameras, notes

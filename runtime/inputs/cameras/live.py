@@ -5,9 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import Camera, CameraInfo, Driver, Picture, RecoveryRule
+from edgemap.runtime.frames.camera import Camera, CameraInfo, CameraOptions, Driver, Picture, RecoveryRule
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState, FrameTimeout
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.limits import QUEUE, TICK_S
@@ -28,23 +26,23 @@ class LiveCamera(Camera):
     def __init__(
         self,
         driver: Driver,
-        intrinsics: Intrinsics | None = None,
-        mount: Mount | None = None,
-        rule: RecoveryRule | None = None,
+        how: CameraOptions = CameraOptions(),  # noqa: B008
         clock_s: Callable[[], float] | None = None,
         wait: Callable[[float], object] | None = None,
     ) -> None:
         device = driver.open()
         size, rate_hz = size_of(device.size, driver.name), rate_of(device.rate_hz)
-        lens = intrinsics or device.intrinsics
-        super().__init__(CameraInfo(driver.name, size, lens, mount, live=True, rate_hz=rate_hz))
+        lens = how.intrinsics or device.intrinsics
+        super().__init__(CameraInfo(driver.name, size, lens, how.mount, live=True, rate_hz=rate_hz))
         self._clock_s = clock_s or time.monotonic
         self._changed = threading.Condition()
         self._faults: deque[CameraFault] = deque(maxlen=QUEUE)
         self._slot: Picture | None = None
         self._lost: BaseException | None = None
         self._closing = False
-        self._supervisor = Supervisor(driver, device, self._faults.append, rule, self._clock_s, wait)
+        self._supervisor = Supervisor(
+            driver, device, size, self._faults.append, how.recovery or RecoveryRule(), self._clock_s, wait
+        )
         self._polled_s = self._clock_s()
         self._thread: threading.Thread | None = None
         if clock_s is None:
@@ -85,7 +83,7 @@ class LiveCamera(Camera):
                     )
                 if now_s >= until_s:
                     text = f"camera {self.info.name}: no frame within {TICK_S} s"
-                    raise FrameTimeout(text, self._supervisor.stream_s(), self.state)
+                    raise FrameTimeout(text, self._supervisor.clock.now_s(now_s), self.state)
                 if self._thread is None:
                     self._poll()
                 else:

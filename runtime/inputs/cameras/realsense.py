@@ -15,7 +15,7 @@ from edgemap.runtime.frames.errors import CameraError, MissingExtraError
 from edgemap.runtime.frames.extras import install_hint
 from edgemap.runtime.frames.limits import SILENCE_S
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, Aligned, start_motion, started, stop, to_bgr
+from edgemap.runtime.inputs.cameras.realsense_frames import POLL_MS, aligned_depth, start_motion, started, stop, to_bgr
 
 
 def import_realsense() -> ModuleType:
@@ -23,13 +23,10 @@ def import_realsense() -> ModuleType:
     try:
         import pyrealsense2
     except ImportError as error:
+        needed = f"librealsense's Python module: {install_hint('realsense')}"
         if "libusb" in str(error):
-            raise MissingExtraError(
-                f"RealSense needs the system library libusb: apt install libusb-1.0-0 ({error})"
-            ) from None
-        raise MissingExtraError(
-            f"RealSense needs librealsense's Python module: {install_hint('realsense')} ({error})"
-        ) from None
+            needed = "the system library libusb: apt install libusb-1.0-0"
+        raise MissingExtraError(f"RealSense needs {needed} ({error})") from None
     _kept_context()
     return pyrealsense2
 
@@ -80,25 +77,22 @@ def devices() -> list[tuple[str, str]]:
 
 
 class RealSenseDevice:
-    """A running colour stream of a device or of a recording, with depth if `aligned`."""
+    """A running colour stream, with depth if it has librealsense's `align`."""
 
-    def __init__(
-        self, rs: ModuleType, pipeline: Any, profile: Any, name: str, motion: Any = None, aligned: Aligned | None = None
-    ) -> None:
+    def __init__(self, pipeline: Any, profile: Any, name: str, motion: Any, align: Any) -> None:
         self.size = picture_size(profile)
         self.rate_hz: float | None = float(profile.fps())
         self.intrinsics: Intrinsics | None = lens_of(profile, name)
-        self.pipeline = pipeline
-        self._rs, self._name, self._motion, self._aligned = rs, name, motion, aligned
+        self._pipeline, self._name, self._motion, self._align = pipeline, name, motion, align
 
     def grab(self) -> Picture | None:
         """The next colour frame at the device's stamp."""
-        there, frames = self.pipeline.try_wait_for_frames(POLL_MS)
+        there, frames = self._pipeline.try_wait_for_frames(POLL_MS)
         colour = frames.get_color_frame() if there else None
         if not colour:
             return None
-        depth = None if self._aligned is None else self._aligned(frames)
-        return Picture(colour.get_timestamp() / 1000.0, to_bgr(self._rs, colour, self._name), depth)
+        depth = None if self._align is None else aligned_depth(self._align, frames)
+        return Picture(colour.get_timestamp() / 1000.0, to_bgr(colour, self._name), depth)
 
     def close(self) -> None:
         """Stop the streams."""
@@ -106,7 +100,7 @@ class RealSenseDevice:
             if self._motion is not None:
                 self._motion.stop()
         finally:
-            stop(self.pipeline)
+            stop(self._pipeline)
 
 
 class RealSenseDriver:
@@ -146,7 +140,8 @@ class RealSenseDriver:
             self._opened = pipeline.get_active_profile().get_device()
             try:
                 motion = start_motion(rs, self._context, str(self._serial), profile, self.imu)
-                return RealSenseDevice(rs, pipeline, profile, self.name, motion, Aligned(rs) if with_depth else None)
+                align = rs.align(rs.stream.color) if with_depth else None
+                return RealSenseDevice(pipeline, profile, self.name, motion, align)
             except Exception:  # whatever the error, the device must be free for the next attempt
                 stop(pipeline)
                 raise

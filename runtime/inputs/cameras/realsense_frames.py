@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -23,76 +24,73 @@ from edgemap.runtime.inputs.drives.pictures import APART_S, ENCODINGS, Depth, De
 POLL_MS = round(1e3 * TICK_S)  # of one wait for a frame
 
 
-class Aligned:
-    """Depth of a set of librealsense's frames, at the pixels of its colour frame."""
+def aligned_depth(align: Any, frames: Any) -> Depth | None:
+    """Depth of a set of frames at the pixels of its colour frame, (H, W) metres, 0 where unknown; None where the set
+    has no depth, or one of another time. align: librealsense's, to colour."""
+    depth, colour = frames.get_depth_frame(), frames.get_color_frame()
+    if not depth or not colour or abs(depth.get_timestamp() - colour.get_timestamp()) > 1000.0 * APART_S:
+        return None
+    aligned = align.process(frames).get_depth_frame()
+    return np.asanyarray(aligned.get_data()).astype(np.float32) / np.float32(round(1.0 / aligned.get_units()))
 
-    def __init__(self, rs: ModuleType) -> None:
-        self._align = rs.align(rs.stream.color)
 
-    def __call__(self, frames: Any) -> Depth | None:
-        """(H, W) metres, 0 where unknown; None where the set has no depth, or one of another time."""
-        depth, colour = frames.get_depth_frame(), frames.get_color_frame()
-        if not depth or not colour or abs(depth.get_timestamp() - colour.get_timestamp()) > 1000.0 * APART_S:
-            return None
-        aligned = self._align.process(frames).get_depth_frame()
-        return np.asanyarray(aligned.get_data()).astype(np.float32) / np.float32(round(1.0 / aligned.get_units()))
+class Playback:
+    """Streams of a recording, as fast as they are read. Raises librealsense's RuntimeError where it lacks one.
+
+    profile: of the first stream.
+    """
+
+    def __init__(self, rs: ModuleType, path: Path, *streams: Any) -> None:
+        self._rs, self._path, self._pipeline, config = rs, path, rs.pipeline(), rs.config()
+        config.enable_device_from_file(library_path(path), repeat_playback=False)
+        for stream in streams:
+            config.enable_stream(stream)
+        # Before the start: in real time, playback drops the pictures that come before the pipeline waits for them.
+        self._playback = config.resolve(rs.pipeline_wrapper(self._pipeline)).get_device().as_playback()
+        self._playback.set_real_time(False)
+        self.profile = started(rs, self._pipeline, config).get_stream(streams[0])
+
+    def frame_sets(self) -> Iterator[Any]:
+        """Sets of frames until it ends. Raises CameraError where it falls silent before."""
+        heard_s = time.monotonic()
+        while time.monotonic() - heard_s < SILENCE_S:
+            # Asked first: what was queued when playback stopped is still there to be waited for.
+            stopped = self._playback.current_status() == self._rs.playback_status.stopped
+            there, frames = self._pipeline.try_wait_for_frames(POLL_MS)
+            if there:
+                yield frames
+                heard_s = time.monotonic()
+            elif stopped:
+                return
+        raise CameraError(f"{self._path}: no frame for {SILENCE_S:.0f} s and no end either")
+
+    def close(self) -> None:
+        """Stop it, with the thread that reads the file."""
+        stop(self._pipeline)
 
 
 def depth_beside(rs: ModuleType, path: Path) -> DepthBeside | None:
     """The depth of a recording; None where it has none."""
-    pipeline, config = rs.pipeline(), rs.config()
-    config.enable_device_from_file(library_path(path), repeat_playback=False)
-    for stream in (rs.stream.color, rs.stream.depth):
-        config.enable_stream(stream)
     try:
-        playback = as_fast_as_read(rs, pipeline, config)
-        started(rs, pipeline, config)
+        playback = Playback(rs, path, rs.stream.color, rs.stream.depth)
     except RuntimeError:  # no depth stream; the camera itself says what else is wrong
         return None
-    return DepthBeside(_aligned_pictures(rs, pipeline, playback, path), APART_S)
+    return DepthBeside(_aligned_pictures(rs, playback), APART_S)
 
 
-def _aligned_pictures(
-    rs: ModuleType, pipeline: Any, playback: Any, path: Path
-) -> Generator[tuple[float, Callable[[], Depth]], None, None]:
+def _aligned_pictures(rs: ModuleType, playback: Playback) -> Generator[tuple[float, Callable[[], Depth]], None, None]:
     """Stamps and depth pictures of a playback until it ends or is silent; then it is stopped."""
-    align, last = Aligned(rs), -1
-    try:
-        for frames in frame_sets(rs, pipeline, playback, path):
+    align, last = rs.align(rs.stream.color), -1
+    # Silence is a CameraError, which the camera itself reports.
+    with closing(playback), suppress(CameraError):
+        for frames in playback.frame_sets():
             measured = frames.get_depth_frame()
             if not measured or measured.get_frame_number() == last:
                 continue
-            depth = align(frames)
+            depth = aligned_depth(align, frames)
             if depth is not None:
                 last = measured.get_frame_number()
                 yield measured.get_timestamp() / 1000.0, lambda depth=depth: depth
-    except CameraError:  # silence; the camera itself reports it
-        return
-    finally:
-        stop(pipeline)
-
-
-def frame_sets(rs: ModuleType, pipeline: Any, playback: Any, path: Path) -> Iterator[Any]:
-    """Sets of frames of a playback until it ends. Raises CameraError where it falls silent before."""
-    heard_s = time.monotonic()
-    while time.monotonic() - heard_s < SILENCE_S:
-        # Asked first: what was queued when playback stopped is still there to be waited for.
-        stopped = playback.current_status() == rs.playback_status.stopped
-        there, frames = pipeline.try_wait_for_frames(POLL_MS)
-        if there:
-            yield frames
-            heard_s = time.monotonic()
-        elif stopped:
-            return
-    raise CameraError(f"{path}: no frame for {SILENCE_S:.0f} s and no end either")
-
-
-def as_fast_as_read(rs: ModuleType, pipeline: Any, config: Any) -> Any:
-    """The playback of a recording, out of real time; call it before the start: in real time, playback drops the
-    pictures that come before the pipeline waits for them."""
-    playback = config.resolve(rs.pipeline_wrapper(pipeline)).get_device().as_playback()
-    playback.set_real_time(False)
-    return playback
 
 
 def started(rs: ModuleType, pipeline: Any, config: Any) -> Any:
@@ -131,18 +129,18 @@ def caught_up(playback: Any) -> None:
     playback.resume()
 
 
-def to_bgr(rs: ModuleType, frame: Any, name: str) -> NDArray[np.uint8]:
+def to_bgr(frame: Any, name: str) -> NDArray[np.uint8]:
     """The frame's picture as BGR, (H, W, 3) uint8, a copy. Raises CameraError for an unknown format."""
-    pixel_format = frame.get_profile().format()
+    pixel_format = frame.get_profile().format().name
     data = np.frombuffer(memoryview(np.asanyarray(frame.get_data())).cast("B"), np.uint8)
-    if pixel_format == rs.format.mjpeg:
+    if pixel_format == "mjpeg":
         image = cv2.imdecode(data, cv2.IMREAD_COLOR)
         if image is None:
             raise CameraError(f"{name}: a damaged MJPEG frame of {data.size} bytes")
         return np.asarray(image, dtype=np.uint8)
-    encoding = "mono8" if pixel_format == rs.format.y8 else pixel_format.name
+    encoding = "mono8" if pixel_format == "y8" else pixel_format
     if encoding not in ENCODINGS:
-        raise CameraError(f"{name}: colour format {pixel_format.name} is not supported")
+        raise CameraError(f"{name}: colour format {pixel_format} is not supported")
     return bgr_of(data.reshape(frame.get_height(), -1), encoding)
 
 

@@ -2,16 +2,14 @@
 
 import statistics
 import threading
-import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from edgemap.runtime.frames.camera import Device, Driver, Picture, RecoveryRule
 from edgemap.runtime.frames.errors import CameraFault, CameraLostError, CameraState
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.limits import TICK_S
 from edgemap.runtime.frames.reading import error_line
-from edgemap.runtime.inputs.cameras.checked import size_of
 from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck
 
 STALL_INTERVALS = 10  # median frame intervals after which a frame is late
@@ -22,35 +20,36 @@ RETRIES = 3  # of grabs that fail in a row, before the device is opened again
 class Supervisor:
     """Reads frames from a device that its driver has opened, and reopens the device after a failure.
 
-    Call `poll` from one thread only. report: called with each fault. clock_s: monotonic clock, s. wait: waits for a
-    number of seconds or until `wake`. Tests pass other clock_s and wait.
+    Call `poll` from one thread only. size: (width, height) in px that pictures must have. report: called with each
+    fault. clock_s: monotonic clock, s. wait: waits for a number of seconds or until `wake`. Tests pass other clock_s
+    and wait.
     """
 
     def __init__(
         self,
         driver: Driver,
         device: Device,
+        size: tuple[int, int],
         report: Callable[[CameraFault], None],
-        rule: RecoveryRule | None = None,
-        clock_s: Callable[[], float] = time.monotonic,
-        wait: Callable[[float], object] | None = None,
+        rule: RecoveryRule,
+        clock_s: Callable[[], float],
+        wait: Callable[[float], object] | None,
     ) -> None:
         self.state = CameraState.RUNNING
-        self._driver, self._report, self._clock_s, self._rule = driver, report, clock_s, rule or RecoveryRule()
+        self._driver, self._report, self._clock_s, self._rule = driver, report, clock_s, rule
         self._wake = threading.Event()
         self._wait = wait or self._wake.wait
         self._device: Device | None = device
-        self._check = DeliveryCheck(driver.name, size_of(device.size, driver.name), report)
+        self._check = DeliveryCheck(driver.name, size, report)
         self.clock = self._check.clock
         self._intervals_s: deque[float] = deque(maxlen=30)
         self._heard_s = clock_s()  # the latest frame or opening
         self._fresh = True  # no frame since the device was opened
         self._spent = 0.0  # restarts that frames have not restored
-        self._failures = 0
-        self._late_s: float | None = None
-        self._due_s = 0.0
+        self._due_s = 0.0  # when the next restart is due
         self._away_s = 0.0
         self._removed = False
+        self._polls = self._pictures()
         driver.watch(self._changed)
 
     @property
@@ -68,34 +67,12 @@ class Supervisor:
         waking = min(self._rule.first_frame_limit_s, 3.0 * running * 2.0 ** max(0, round(self._spent) - 1))
         return waking if self._fresh else running
 
-    def stream_s(self) -> float | None:
-        """The current time on the stream clock, s."""
-        return self.clock.now_s(self._clock_s())
-
     def poll(self) -> Picture | None:
         """The next good picture, with its stamp on the stream clock; None if there is none yet.
 
-        Blocks no longer than one grab, one opening or `TICK_S`. Raises CameraLostError once the budget is spent.
+        Blocks no longer than one opening and one grab, or `TICK_S`. Raises CameraLostError once the budget is spent.
         """
-        if self._removed and self._device is not None:
-            self._removed = False
-            self._fault(FaultKind.REMOVED, "was removed")
-            self._give_up_device()
-        if self._device is None:
-            return self._reopen()
-        begun_s = self._clock_s()
-        try:
-            picture = self._device.grab()
-            now_s = self._clock_s()
-            good = None if picture is None else self._check(picture, now_s)
-        except BaseException as error:  # drivers raise what they like: cv2.error, OSError, SystemExit of a plugin
-            self._failed(error, self._clock_s() - begun_s)
-            return None
-        if good is None:
-            self._silent(now_s)
-            return None
-        self._heard(now_s)
-        return good
+        return next(self._polls)
 
     def wake(self) -> None:
         """Ends a current wait. It may be called from any thread."""
@@ -116,28 +93,54 @@ class Supervisor:
             self._due_s = 0.0
         self.wake()
 
-    def _failed(self, error: BaseException, took_s: float) -> None:
-        self._failures += 1
-        if self._failures == 1:
-            self._fault(FaultKind.FAILED, f"stopped delivering ({error_line(error)})")
-        # A grab that ran into a time limit (of a network stream) has already taken the time of the retries.
-        if self._failures > RETRIES or took_s >= self._stall_limit_s:
-            self._give_up_device()
-        else:
-            self._wait(0.05)
+    def _pictures(self) -> Iterator[Picture | None]:
+        """What `poll` returns, one by one."""
+        while True:
+            if self._device is not None:
+                yield from self._of_device(self._device)
+            self.close()
+            restarts = round(self._spent)  # the first of a sequence is due at once
+            self._due_s = self._clock_s() + min(BACK_OFF_LIMIT_S, TICK_S * 2.0 ** (restarts - 1) if restarts else 0.0)
+            yield None
+            while (now_s := self._clock_s()) < self._due_s:
+                self._wake.clear()
+                self._wait(min(TICK_S, self._due_s - now_s))
+                yield None
+            self._reopen(now_s)
 
-    def _silent(self, now_s: float) -> None:
-        limit_s = self._stall_limit_s
-        silent_s = now_s - self._heard_s
-        if silent_s < limit_s:
-            return
-        if self._late_s is None:
-            self._late_s = now_s
-            self._fault(FaultKind.LATE, f"no frame for {silent_s:.1f} s (limit {limit_s:.1f} s)")
-            if not self._fresh:  # one more limit: this process itself may have stalled
-                return
-        if self._fresh or now_s - self._late_s >= limit_s:
-            self._give_up_device()
+    def _of_device(self, device: Device) -> Iterator[Picture | None]:
+        """The same of an open device, until it is removed, keeps failing or is silent for too long."""
+        failures, late_s = 0, None
+        while not self._removed:
+            begun_s = self._clock_s()
+            try:
+                picture = device.grab()
+                now_s = self._clock_s()
+                good = None if picture is None else self._check(picture, now_s)
+            except BaseException as error:  # drivers raise what they like: cv2.error, OSError, SystemExit of a plugin
+                failures += 1
+                if failures == 1:
+                    self._fault(FaultKind.FAILED, f"stopped delivering ({error_line(error)})")
+                # A grab that ran into a time limit (of a network stream) has already taken the time of the retries.
+                if failures > RETRIES or self._clock_s() - begun_s >= self._stall_limit_s:
+                    return
+                self._wait(0.05)
+                yield None
+                continue
+            limit_s, silent_s = self._stall_limit_s, now_s - self._heard_s
+            if good is not None:
+                failures, late_s = 0, None
+                self._heard(now_s)
+            elif silent_s >= limit_s:
+                if late_s is None:
+                    late_s = now_s
+                    self._fault(FaultKind.LATE, f"no frame for {silent_s:.1f} s (limit {limit_s:.1f} s)")
+                # A running device has one more limit: this process itself may have stalled.
+                if self._fresh or now_s - late_s >= limit_s:
+                    return
+            yield good
+        self._removed = False
+        self._fault(FaultKind.REMOVED, "was removed")
 
     def _heard(self, now_s: float) -> None:
         if self.state is CameraState.DEGRADED:
@@ -148,26 +151,9 @@ class Supervisor:
             self._intervals_s.append(now_s - self._heard_s)
             self._spent = max(0.0, self._spent - (now_s - self._heard_s) / BACK_OFF_LIMIT_S)
         self._heard_s, self._fresh = now_s, False
-        self._failures, self._late_s = 0, None
 
-    def _give_up_device(self) -> None:
-        self.close()
-        self._failures, self._late_s = 0, None
-        self._back_off()
-
-    def _back_off(self) -> None:
-        """Sets when the next restart is due: the first of a sequence at once."""
-        restarts = round(self._spent)
-        self._due_s = self._clock_s() + min(BACK_OFF_LIMIT_S, TICK_S * 2.0 ** (restarts - 1) if restarts else 0.0)
-
-    def _reopen(self) -> None:
-        now_s = self._clock_s()
-        if now_s < self._due_s:
-            self._wake.clear()
-            self._wait(min(TICK_S, self._due_s - now_s))
-            return
+    def _reopen(self, now_s: float) -> None:
         if self._spent > self._rule.restarts - 1:
-            self.state = CameraState.LOST
             raise CameraLostError(
                 f"camera {self._driver.name}: lost, no frame for {now_s - self._away_s:.0f} s and "
                 f"{self._rule.restarts} restarts are spent"
@@ -178,9 +164,8 @@ class Supervisor:
             if round(self._spent) % 2 == 0:
                 self._driver.reset()
             self._device = self._driver.open()
-        except BaseException as error:  # as in `poll`
+        except BaseException as error:  # as of a grab
             self._fault(FaultKind.CLOSED, f"does not open ({error_line(error)})")
-            self._back_off()
             return
         self._removed = False
         self.clock.restart()

@@ -4,13 +4,14 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from edgemap.geometry.camera.mount import QUARTER_TURN
-from edgemap.runtime.frames.camera import Camera, CameraInfo
-from edgemap.runtime.frames.errors import CameraState, FrameTimeout
+from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.errors import FrameTimeout
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.limits import TICK_S
@@ -23,24 +24,13 @@ class CameraAround(Camera):
         super().__init__(camera.info)
         self._camera = camera
 
-    @property
-    def info(self) -> CameraInfo:
-        """That of the wrapped camera."""
-        return self._camera.info
+    info = property(attrgetter("_camera.info"), doc="That of the wrapped camera.")
+    state = property(attrgetter("_camera.state"), doc="That of the wrapped camera.")
+    clock_offset_s = property(attrgetter("_camera.clock_offset_s"), doc="That of the wrapped camera.")
 
     def update_info(self, **changes: Any) -> None:
         """Changes that of the wrapped camera."""
         self._camera.update_info(**changes)
-
-    @property
-    def state(self) -> CameraState:
-        """The state of the wrapped camera."""
-        return self._camera.state
-
-    @property
-    def clock_offset_s(self) -> float:
-        """That of the wrapped camera."""
-        return self._camera.clock_offset_s
 
     def read(self) -> Frame | None:
         """The next frame of the wrapped camera."""
@@ -63,26 +53,18 @@ class RotatedCamera(CameraAround):
     """A camera whose pictures are turned clockwise by 90, 180 or 270 degrees until they are upright, with their depth,
     intrinsics and inertial samples. The mount is that of the upright picture already."""
 
+    info, update_info = Camera.info, Camera.update_info  # of the turned pictures
+
     def __init__(self, camera: Camera, degrees: int) -> None:
         super().__init__(camera)
         info, self._turns = camera.info, degrees // 90 % 4
         self._axes = np.linalg.matrix_power(QUARTER_TURN, self._turns)
-        self._turned = replace(
-            info,
+        self.update_info(
             size=info.size[::-1] if self._turns % 2 else info.size,
             intrinsics=info.intrinsics and info.intrinsics.rotated(degrees),
             imu=info.imu and info.imu.rotated(self._axes),
             attitudes=None,
         )
-
-    @property
-    def info(self) -> CameraInfo:
-        """What is constant of it."""
-        return self._turned
-
-    def update_info(self, **changes: Any) -> None:
-        """Changes the constants of the turned pictures."""
-        self._turned = replace(self._turned, **changes)
 
     def read(self) -> Frame | None:
         """The next frame of the wrapped camera, turned."""

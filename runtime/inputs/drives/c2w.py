@@ -3,8 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
@@ -13,10 +11,10 @@ from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import read_text
 from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives.camera_yaml import read_setup
-from edgemap.runtime.inputs.drives.drive import Drive, ridden
+from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.layout import drive_of, one_each, with_depth
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures, read_picture
-from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_matrices, read_stamps
+from edgemap.runtime.inputs.drives.pose_files import read_matrices, read_stamps
 
 
 def read_kitti(folder: Path) -> Drive:
@@ -24,7 +22,8 @@ def read_kitti(folder: Path) -> Drive:
 
     Its mount is a car's. `times.txt`, one stamp in seconds per line, is used where present. Raises CameraError.
     """
-    return _read("kitti", folder, ("image", "image_2", "images"), 12, "-y", ("times.txt",))
+    images = list_pictures(first_folder(folder, ("image", "image_2", "images")))
+    return _with_poses(drive_of("kitti", folder, images, "-y"), 12, ("times.txt",))
 
 
 def read_c2w(folder: Path) -> Drive:
@@ -34,38 +33,26 @@ def read_c2w(folder: Path) -> Drive:
     a 16-bit picture of millimetres for each picture, 0 where unknown, registered to it unless `camera.yaml` states its
     camera's pose. Raises CameraError.
     """
-    return _read("c2w", folder, ("image", "images"), 16, "z", ("stamps.txt", "times.txt"), "K.txt")
+    drive = drive_of("c2w", folder, list_pictures(first_folder(folder, ("image", "images"))))
+    if drive.intrinsics is None and (folder / "K.txt").is_file():
+        drive = replace(drive, intrinsics=_read_k(folder / "K.txt", drive.images[0]))
+    return with_depth(_with_poses(drive, 16, ("stamps.txt", "times.txt")))
 
 
-def _read(
-    kind: str, folder: Path, names: tuple[str, ...], columns: int, world_up: str, times: tuple[str, ...], k: str = ""
-) -> Drive:
-    """Pictures in the first folder of these names, or in the folder itself."""
-    pictures_folder = first_folder(folder, names)
-    images = list_pictures(pictures_folder)
-    known = k and (folder / k).is_file() and not (folder / "camera.yaml").is_file()
-    setup = read_setup(folder, world_up, _read_k(folder / k, images[0]) if known else None)
-    setup = replace(setup, mount=ridden(kind, setup.mount))
-    path = folder / "poses.txt"
-    poses = read_matrices(path, columns)
-    check_count(path, len(poses), len(images), pictures_folder)
-    stamps = np.arange(len(images)) / setup.rate_hz
-    if stated := next((folder / name for name in times if (folder / name).is_file()), None):
-        stamps = read_stamps(stated)
-        check_count(stated, len(stamps), len(images), pictures_folder)
-    depth = depth_beside(folder, len(images), pictures_folder) if kind == "c2w" else ()
-    drive = Drive(
-        kind, folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, None, depth=depth,
-        depth_camera=setup.depth,
-    )  # fmt: skip
-    recorded = poses, setup.world_up, setup.mount
+def _with_poses(drive: Drive, columns: int, times: tuple[str, ...]) -> Drive:
+    """The drive with the poses of `poses.txt`, and the stamps of the first of these files. Raises CameraError."""
+    path = drive.folder / "poses.txt"
+    poses = one_each(path, read_matrices(path, columns), drive)
+    if stated := next((drive.folder / name for name in times if (drive.folder / name).is_file()), None):
+        drive = replace(drive, stamps_s=one_each(stated, read_stamps(stated), drive))
+    recorded, stamps = (poses, drive.world_up, drive.mount), drive.stamps_s
     try:
-        planar, full = planarise_camera(*recorded), upright_camera(*recorded)
+        truth = Trajectory(stamps, planarise_camera(*recorded))
     except CameraError as error:  # the pictures can be driven without
         note(FaultKind.SAMPLES, f"{path}: no true poses: {error}")
         return drive
-    attitudes = camera_attitudes(stamps, poses, setup.world_up) if kind == "c2w" else None
-    return replace(drive, truth=Trajectory(stamps, planar), full_poses=full, attitudes=attitudes)
+    attitudes = camera_attitudes(stamps, poses, drive.world_up) if drive.kind == "c2w" else None
+    return replace(drive, truth=truth, attitudes=attitudes, full_poses=upright_camera(*recorded))
 
 
 def _read_k(path: Path, first_picture: Path) -> Intrinsics:

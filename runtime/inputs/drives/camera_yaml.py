@@ -15,7 +15,6 @@ from edgemap.geometry.camera.depth_camera import DepthCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.errors import GeometryError
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, Name, Side, Strict, convert
@@ -122,39 +121,30 @@ def read_camera_yaml(path: Path) -> CameraFile:
     return CameraFile(intrinsics, mount, record.fps, record.world_up, record.calibration or {}, depth)
 
 
-def write_camera_yaml(
-    path: Path,
-    intrinsics: Intrinsics,
-    mount: Mount | None = None,
-    rate_hz: float | None = None,
-    world_up: str = "z",
-    calibration: dict[str, Any] | None = None,
-    depth: DepthCamera | None = None,
-) -> None:
-    """Write a `camera.yaml` that `read_camera_yaml` reads back to the same numbers (angles to 1e-9 degrees).
+def write_camera_yaml(path: Path, file: CameraFile) -> None:
+    """Write a `camera.yaml` that `read_camera_yaml` reads back to the same numbers (angles to 1e-9 degrees); up is z
+    where nothing else is stated.
 
     Raises DiskError where the folder does not take it.
     """
-    tree = _lens(intrinsics)
-    if rate_hz is not None:
-        tree["fps"] = float(rate_hz)
-    tree["world_up"] = world_up
-    if mount is not None:
-        mounted: dict[str, Any] = mount_fields(mount)
-        if mount.platform is not Platform.ROBOT:
-            mounted["platform"] = str(mount.platform)
-        tree["mount"] = mounted
+    tree, depth = _lens(file.intrinsics), file.depth
+    if file.rate_hz is not None:
+        tree["fps"] = float(file.rate_hz)
+    tree["world_up"] = file.world_up or "z"
+    if file.mount is not None:
+        kind = file.mount.platform
+        tree["mount"] = mount_fields(file.mount) | ({} if kind is Platform.ROBOT else {"platform": str(kind)})
     if depth is not None:
         tree["depth"] = _lens(depth.intrinsics) | {
             "position_m": depth.position_m.tolist(),
             "quaternion_xyzw": Rotation.from_matrix(depth.rotation).as_quat(canonical=True).tolist(),
         }
-    if calibration:
-        tree["calibration"] = calibration
+    if file.calibration:
+        tree["calibration"] = file.calibration
     write_atomically(path, yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
 
 
-def mount_fields(mount: Mount, digits: int = 9) -> dict[str, float]:
+def mount_fields(mount: Mount, digits: int = 9) -> dict[str, Any]:
     """Height and lever arm, metres, and angles, degrees to so many digits, by their names in files."""
     angles = {"pitch_deg": mount.pitch_rad, "roll_deg": mount.roll_rad}
     lengths = {"forward_m": float(mount.forward_m), "left_m": float(mount.left_m)}
@@ -167,24 +157,3 @@ def _lens(lens: Intrinsics) -> dict[str, Any]:
     tree |= {name: float(getattr(lens, name)) for name in ("fx", "fy", "cx", "cy")}
     tree["distortion"] = {"model": lens.distortion.model, "coefficients": list(lens.distortion.coefficients)}
     return tree
-
-
-@dataclass(frozen=True, slots=True)
-class Setup:
-    """The camera of a data folder: the contents of `camera.yaml`, or the defaults of the layout."""
-
-    intrinsics: Intrinsics | None
-    mount: Mount | None
-    rate_hz: float
-    world_up: str
-    depth: DepthCamera | None = None
-
-
-def read_setup(folder: Path, world_up: str, intrinsics: Intrinsics | None = None) -> Setup:
-    """The folder's `camera.yaml` if there is one; `world_up` and `intrinsics` are the defaults for missing entries."""
-    path = folder / "camera.yaml"
-    if not path.is_file():
-        return Setup(intrinsics, None, DEFAULT_RATE_HZ, world_up)
-    file = read_camera_yaml(path)
-    rate_hz, up = file.rate_hz or DEFAULT_RATE_HZ, file.world_up or world_up
-    return Setup(file.intrinsics, file.mount, rate_hz, up, file.depth)

@@ -51,13 +51,14 @@ class LabelledBoxes:
 class Drive:
     """One drive, read from any KIND of folder.
 
-    images: in order of time; empty for a drive whose pictures are in `video`. stamps_s: seconds, one per picture.
+    images: in order of time; empty for a drive whose pictures are in `video`. stamps_s: seconds, one per picture; empty
+    for a video at its own stamps.
     truth: poses of the base, relative to the first one. boxes: true boxes per picture, empty where unknown.
     objects: records of `objects.json`. wheel: the wheels' poses.
     attitudes: of the camera, where the recorded poses have six dimensions. imu: samples in the optical frame.
     depth: depth pictures, one per image, empty where there are none. depth_camera: theirs; None where they are
-    registered to the pictures. full_poses: of the lens, (N, 4, 4), one per
-    picture, base axes in a z-up frame, where the recorded poses have six dimensions.
+    registered to the pictures. full_poses: of the lens, (N, 4, 4), one per picture, base axes in a z-up frame, where
+    the recorded poses have six dimensions. world_up: axis of the recorded poses that points up, e.g. `-y`.
     """
 
     kind: str
@@ -77,6 +78,7 @@ class Drive:
     full_poses: NDArray[np.float64] | None = None
     attitudes: AttitudeTrack | None = None
     imu: ImuSamples | None = None
+    world_up: str = "z"
 
 
 def ridden(kind: str, mount: Mount | None) -> Mount | None:

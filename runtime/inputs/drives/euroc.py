@@ -6,6 +6,8 @@
 A picture's name is its stamp in nanoseconds. IMU samples are turned into the camera's optical frame by both `T_BS`.
 """
 
+from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 from typing import Annotated
 
@@ -21,11 +23,10 @@ from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_cam
 from edgemap.runtime.frames.tables import Column, NumberTable, columns
 from edgemap.runtime.frames.trajectory import Trajectory, tum_rows
 from edgemap.runtime.frames.yaml_file import read_yaml
-from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.layout import drive_of, rate_of_stamps
 from edgemap.runtime.inputs.drives.lens_files import read_foreign_lens
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.drives.pose_files import rate_of_stamps
 from edgemap.runtime.inputs.drives.sensor_csv import RATES
 
 STAMP_NS = Column("stamp_ns", 0.0, 1e19)
@@ -63,29 +64,31 @@ def read_euroc(folder: Path) -> Drive:
     """
     published = (folder / "mav0").is_dir()
     pictures, camera_yaml, imu, imu_yaml, truth = (folder / name for name in (PUBLISHED if published else FLAT))
-    images = list_pictures(pictures)
+    drive = drive_of("euroc", folder, list_pictures(pictures))
     camera_body = _rotation(camera_yaml)
     imu_body = _rotation(imu_yaml) if imu_yaml.is_file() else np.eye(3)
     _, rows = SAMPLES.read(imu, CameraError)
     start_ns = rows[0, 0]
-    stamps = (rows[:, 0] - start_ns) * 1e-9
-    samples = ImuSamples(stamps, rows[:, 1:4], rows[:, 4:7]).rotated(camera_body.T @ imu_body)
+    samples = ImuSamples((rows[:, 0] - start_ns) * 1e-9, rows[:, 1:4], rows[:, 4:7])
     truth_stamps, poses = _poses(truth, start_ns, camera_body if published else None)
-    taken = np.array([(_stamp_ns(path) - start_ns) * 1e-9 for path in images])
+    taken = np.array([(_stamp_ns(path) - start_ns) * 1e-9 for path in drive.images])
     if (np.diff(taken) <= 0.0).any():
         raise CameraError(f"{pictures}: two pictures have one stamp")
     known = (taken >= truth_stamps[0] - 0.01) & (taken <= truth_stamps[-1] + 0.01)
     if not known.any():
         first, last = truth_stamps[0], truth_stamps[-1]
         raise CameraError(f"{truth}: covers {first:.3f} to {last:.3f} s, no picture lies in it")
-    setup = read_setup(folder, world_up="z", intrinsics=read_foreign_lens(camera_yaml))
-    rate_hz = rate_of_stamps(taken, setup.rate_hz)
-    return Drive(
-        "euroc", folder, tuple(image for image, there in zip(images, known, strict=True) if there), taken[known],
-        setup.intrinsics, setup.mount, rate_hz,
-        Trajectory(truth_stamps, planarise_camera(poses, setup.world_up, setup.mount)),
-        attitudes=camera_attitudes(truth_stamps, poses, setup.world_up), imu=samples,
-    )  # fmt: skip
+    lens = read_foreign_lens(camera_yaml)
+    return replace(
+        drive,
+        images=tuple(compress(drive.images, known)),
+        stamps_s=taken[known],
+        intrinsics=drive.intrinsics or lens,
+        rate_hz=rate_of_stamps(taken) or drive.rate_hz,
+        truth=Trajectory(truth_stamps, planarise_camera(poses, drive.world_up, drive.mount)),
+        attitudes=camera_attitudes(truth_stamps, poses, drive.world_up),
+        imu=samples.rotated(camera_body.T @ imu_body),
+    )
 
 
 def _poses(path: Path, start_ns: float, camera_body: Array | None) -> tuple[Array, Array]:

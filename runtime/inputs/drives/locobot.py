@@ -11,38 +11,32 @@ odometry itself, which drifts.
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.spatial_poses import planarise_base
 from edgemap.runtime.frames.trajectory import Trajectory, tum_line
-from edgemap.runtime.inputs.drives.camera_yaml import read_setup, write_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.layout import drive_of, one_each, with_depth
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.drives.pose_files import check_count, depth_beside, read_tum_3d
+from edgemap.runtime.inputs.drives.pose_files import read_tum_3d
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 
 
 def read_locobot(folder: Path) -> Drive:
     """Read a LoCoBot folder as described above. Raises CameraError."""
-    images = list_pictures(folder / "rgb")
-    depth = depth_beside(folder, len(images), folder / "rgb")
-    setup = read_setup(folder, world_up="z")
-    wheel_path = folder / "odometry.csv"
+    drive = with_depth(drive_of("locobot", folder, list_pictures(folder / "rgb")))
+    wheel_path, better = folder / "odometry.csv", folder / "poses.tum"
     wheel = read_wheel_csv(wheel_path)
-    stamps, truth = wheel.stamps_s, wheel.from_start()
-    check_count(wheel_path, len(stamps), len(images), folder / "rgb")
-    better = folder / "poses.tum"
+    truth = wheel.from_start()
+    one_each(wheel_path, wheel.stamps_s, drive)
     if better.is_file():
-        _, matrices = read_tum_3d(better)
-        check_count(better, len(matrices), len(images), folder / "rgb")
-        truth = Trajectory(stamps, planarise_base(matrices, setup.world_up))
-    lens, mount, rate_hz = setup.intrinsics, setup.mount, setup.rate_hz
-    return Drive(
-        "locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel, depth=depth,
-        depth_camera=setup.depth,
-    )  # fmt: skip
+        matrices = one_each(better, read_tum_3d(better)[1], drive)
+        truth = Trajectory(wheel.stamps_s, planarise_base(matrices, drive.world_up))
+    return replace(drive, stamps_s=wheel.stamps_s, truth=truth, wheel=wheel)
 
 
 def write_locobot(
@@ -59,7 +53,7 @@ def write_locobot(
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_camera_yaml(folder / "camera.yaml", intrinsics, mount, rate_hz)
+    write_camera_yaml(folder / "camera.yaml", CameraFile(intrinsics, mount, rate_hz))
     write_wheel_csv(folder / "odometry.csv", odometry)
     if poses is not None:
         lines = [tum_line(stamp, pose) for stamp, pose in zip(poses.stamps_s, poses.poses, strict=True)]

@@ -17,7 +17,7 @@ from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.inputs.drives.euroc import read_euroc
 from edgemap.runtime.inputs.drives.locobot import read_locobot
 from edgemap.runtime.inputs.drives.own import read_own
-from edgemap.runtime.inputs.drives.pictures import read_picture
+from edgemap.runtime.inputs.drives.pictures import read_picture, video_frames
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv
 from edgemap.runtime.inputs.drives.truth import ObjectRecord, read_objects
 from edgemap.runtime.inputs.drives.tum import read_tum_drive
@@ -61,14 +61,7 @@ def _with_views(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[st
 
 def labelled_pictures(drive: Drive, limit: int | None) -> Iterator[tuple[NDArray[np.uint8], LabelledBoxes]]:
     """The first BGR pictures with their true boxes, in order. Raises CameraError for a damaged picture."""
-    pictures = map(read_picture, drive.images) if drive.images else _decoded(drive.video)
+    pictures = map(read_picture, drive.images)
+    if drive.video is not None:
+        pictures = (picture for picture, _ in video_frames(cv2.VideoCapture(library_path(drive.video))))
     return zip(pictures, drive.boxes[:limit], strict=False)
-
-
-def _decoded(path: Path | None) -> Iterator[NDArray[np.uint8]]:
-    video = cv2.VideoCapture(library_path(path or ""))
-    while True:
-        good, picture = video.read()
-        if not good:
-            return
-        yield np.asarray(picture, dtype=np.uint8)

@@ -13,6 +13,7 @@ depth/…                    optional; 16-bit pictures, millimetres along the op
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,20 +24,14 @@ from scipy.spatial.transform import Rotation
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.spatial_poses import base_attitudes, planarise_base
 from edgemap.runtime.frames.trajectory import EDGE_S, Trajectory, tum_line
-from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
-from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
+from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, write_camera_yaml
+from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.layout import drive_of, one_each, rate_of_stamps, with_depth
 from edgemap.runtime.inputs.drives.pictures import list_pictures
-from edgemap.runtime.inputs.drives.pose_files import (
-    check_count,
-    depth_beside,
-    rate_of_stamps,
-    read_stamps,
-    read_tum_3d,
-)
+from edgemap.runtime.inputs.drives.pose_files import read_stamps, read_tum_3d
 from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 from edgemap.runtime.inputs.drives.truth import read_boxes
 
@@ -47,43 +42,31 @@ def read_own(folder: Path) -> Drive:
     """Read a drive of edgemap's layout. Raises CameraError for what is missing, broken, or does not match."""
     if not folder.is_dir():
         raise CameraError(f"{folder}: no such folder")
-    camera = read_camera_yaml(folder / "camera.yaml")
-    images, video = _pictures(folder)
-    path = folder / "poses.tum"
+    drive = drive_of("drive", folder)
+    images, video = folder / "images", folder / VIDEO_NAME
+    if images.is_dir():
+        drive = replace(drive, images=list_pictures(images))
+    elif video.is_file():
+        drive = replace(drive, video=video)
+    else:
+        raise CameraError(f"{folder}: neither images/ nor {VIDEO_NAME} in it")
+    path, listed, known, wheel = (folder / name for name in ("poses.tum", "stamps.txt", "boxes.json", "wheel.csv"))
     stamps, matrices = read_tum_3d(path)
-    world_up = camera.world_up or "z"
-    truth = Trajectory(stamps, planarise_base(matrices, world_up))
-    attitudes = base_attitudes(stamps, matrices, world_up, camera.mount) if camera.mount else None
-    source = folder / "images" if images else folder / VIDEO_NAME
-    if (folder / "stamps.txt").is_file():
-        stamps = read_stamps(folder / "stamps.txt")
-        if images:
-            check_count(folder / "stamps.txt", len(stamps), len(images), source)
-        first, last = truth.stamps_s[0], truth.stamps_s[-1]
-        if stamps[0] < first - EDGE_S or stamps[-1] > last + EDGE_S:
-            raise CameraError(
-                f"{path}: covers {first:.3f} to {last:.3f} s, the pictures lie at {stamps[0]:.3f} to {stamps[-1]:.3f} s"
-            )
-    elif images:
-        check_count(path, len(stamps), len(images), source)
-    boxes: tuple[LabelledBoxes, ...] = ()
-    if (folder / "boxes.json").is_file():
-        boxes = read_boxes(folder / "boxes.json")
-        check_count(folder / "boxes.json", len(boxes), len(stamps), source)
-    wheel, rate_hz = folder / "wheel.csv", camera.rate_hz or rate_of_stamps(stamps, DEFAULT_RATE_HZ)
-    return Drive(
-        "drive", folder, images, stamps, camera.intrinsics, camera.mount, rate_hz, truth,
-        boxes=boxes, wheel=read_wheel_csv(wheel) if wheel.is_file() else None, video=video,
-        depth=depth_beside(folder, len(stamps), source), depth_camera=camera.depth, attitudes=attitudes,
-    )  # fmt: skip
-
-
-def _pictures(folder: Path) -> tuple[tuple[Path, ...], Path | None]:
-    if (folder / "images").is_dir():
-        return list_pictures(folder / "images"), None
-    if (folder / VIDEO_NAME).is_file():
-        return (), folder / VIDEO_NAME
-    raise CameraError(f"{folder}: neither images/ nor {VIDEO_NAME} in it")
+    truth = Trajectory(stamps, planarise_base(matrices, drive.world_up))
+    attitudes = base_attitudes(stamps, matrices, drive.world_up, drive.mount) if drive.mount else None
+    if listed.is_file():
+        stamps = read_stamps(listed)
+    drive = replace(drive, stamps_s=stamps, rate_hz=drive.rate_hz or rate_of_stamps(stamps))
+    one_each(listed if listed.is_file() else path, stamps, drive)
+    first, last = truth.stamps_s[0], truth.stamps_s[-1]
+    if stamps[0] < first - EDGE_S or stamps[-1] > last + EDGE_S:
+        raise CameraError(
+            f"{path}: covers {first:.3f} to {last:.3f} s, the pictures lie at {stamps[0]:.3f} to {stamps[-1]:.3f} s"
+        )
+    if known.is_file():
+        drive = replace(drive, boxes=one_each(known, read_boxes(known), drive))
+    wheels = read_wheel_csv(wheel) if wheel.is_file() else None
+    return with_depth(replace(drive, truth=truth, attitudes=attitudes, wheel=wheels))
 
 
 def write_drive(
@@ -108,7 +91,7 @@ def write_drive(
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_camera_yaml(folder / "camera.yaml", intrinsics, mount, rate_hz)
+    write_camera_yaml(folder / "camera.yaml", CameraFile(intrinsics, mount, rate_hz))
     rows = zip(poses.stamps_s, poses.poses, strict=True)
     lines = (tum_line(stamp, pose) for stamp, pose in rows)
     if tilts is not None:

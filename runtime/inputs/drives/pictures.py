@@ -4,6 +4,7 @@ depth in order of time."""
 import os
 import re
 from collections.abc import Callable, Generator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +112,13 @@ def _is_cut_short(data: bytes) -> bool:
     if data.startswith(b"\xff\xd8"):
         return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
     return data.startswith(b"\x89PNG") and b"IEND" not in data
+
+
+def video_frames(video: cv2.VideoCapture) -> Generator[tuple[NDArray[np.uint8], float], None, None]:
+    """A video's pictures as BGR, (H, W, 3) uint8, with the file's stamps in seconds, as far as they can be decoded."""
+    with suppress(cv2.error):
+        while (read := video.read())[0]:
+            yield np.asarray(read[1], dtype=np.uint8), video.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
 
 
 def readable_depth(path: Path) -> Depth | str:

@@ -10,7 +10,6 @@ from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.spatial_poses import poses_of
 from edgemap.runtime.frames.tables import STAMP, Column, NumberTable
 from edgemap.runtime.frames.trajectory import tum_rows
-from edgemap.runtime.inputs.drives.pictures import list_pictures
 
 STAMPS = NumberTable((STAMP,))
 
@@ -55,23 +54,3 @@ def increasing(path: Path, numbers: list[int], rows: Array) -> Array:
     for at in np.flatnonzero(np.diff(stamps) <= 0.0):
         raise CameraError(f"{path}:{numbers[at + 1]}: {stamps[at + 1]:.6f} s is not after {stamps[at]:.6f} s")
     return stamps
-
-
-def rate_of_stamps(stamps_s: Array, default_hz: float) -> float:
-    """Pictures per second by the median step; the default for a single one."""
-    return float(1.0 / np.median(np.diff(stamps_s))) if len(stamps_s) > 1 else default_hz
-
-
-def check_count(path: Path, count: int, pictures: int, where: Path) -> None:
-    """Raises CameraError, with both numbers, where a file does not have one line per picture."""
-    if count != pictures:
-        raise CameraError(f"{path}: {count} lines for the {pictures} pictures in {where}")
-
-
-def depth_beside(folder: Path, pictures: int, where: Path) -> tuple[Path, ...]:
-    """The pictures in `depth/`, one for each of those in `where`; empty where there is no such folder. Raises
-    CameraError."""
-    depth = list_pictures(folder / "depth") if (folder / "depth").is_dir() else ()
-    if depth:
-        check_count(folder / "depth", len(depth), pictures, where)
-    return depth

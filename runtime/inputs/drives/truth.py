@@ -1,5 +1,6 @@
 """Truth of a drive: objects.json, boxes.json, floor_plan.json and floor labels."""
 
+from collections import Counter
 from collections.abc import Sequence
 from enum import IntEnum
 from pathlib import Path
@@ -52,11 +53,9 @@ class _Boxes(msgspec.Struct):
 def read_objects(path: Path) -> tuple[ObjectRecord, ...]:
     """Read `objects.json`. Raises CameraError naming the field or object that is wrong, or a repeated id."""
     records = tuple(decode_json(read_bytes(path, CameraError), _Objects, path, CameraError).objects)
-    seen = set()
-    for record in records:
-        if record.id in seen:
-            raise CameraError(f"{path}: two objects have the id {record.id!r}")
-        seen.add(record.id)
+    for identity, count in Counter(record.id for record in records).items():
+        if count > 1:
+            raise CameraError(f"{path}: two objects have the id {identity!r}")
     return records
 
 

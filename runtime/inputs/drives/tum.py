@@ -1,19 +1,20 @@
 """TUM RGB-D: `rgb.txt` (stamp, file) with `groundtruth.txt`, or pictures with `poses.tum`; poses of the CAMERA."""
 
+from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import read_text
 from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera
-from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
-from edgemap.runtime.inputs.drives.camera_yaml import Setup, read_setup
+from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.layout import drive_of, one_each, rate_of_stamps
 from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures
-from edgemap.runtime.inputs.drives.pose_files import STAMPS, check_count, increasing, rate_of_stamps, read_tum_3d
+from edgemap.runtime.inputs.drives.pose_files import STAMPS, increasing, read_tum_3d
 
 MAX_GAP_S = 0.2  # truth is not interpolated over longer holes (the tracker lost the camera)
 
@@ -24,43 +25,48 @@ def read_tum_drive(folder: Path) -> Drive:
     With `rgb.txt` the truth is interpolated at the pictures' stamps, and pictures without truth are left out. Without
     it, `poses.tum` has one line per picture. Raises CameraError.
     """
-    setup = read_setup(folder, world_up="z")
     if (folder / "rgb.txt").is_file():
-        images, stamps, truth, attitudes = _listed_pictures(folder, setup)
+        drive = _listed_pictures(folder)
     else:
-        pictures_folder = first_folder(folder, ("rgb", "images", "image"))
-        images = list_pictures(pictures_folder)
+        drive = drive_of("tum", folder, list_pictures(first_folder(folder, ("rgb", "images", "image"))))
         path = folder / "poses.tum"
         stamps, poses = read_tum_3d(path)
-        check_count(path, len(stamps), len(images), pictures_folder)
-        truth = Trajectory(stamps, planarise_camera(poses, setup.world_up, setup.mount))
-        attitudes = camera_attitudes(stamps, poses, setup.world_up)
-    rate_hz = rate_of_stamps(stamps, setup.rate_hz)
-    return Drive("tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes)
+        drive = replace(
+            drive,
+            stamps_s=one_each(path, stamps, drive),
+            truth=Trajectory(stamps, planarise_camera(poses, drive.world_up, drive.mount)),
+            attitudes=camera_attitudes(stamps, poses, drive.world_up),
+        )
+    return replace(drive, rate_hz=rate_of_stamps(drive.stamps_s) or drive.rate_hz)
 
 
-def _listed_pictures(
-    folder: Path, setup: Setup
-) -> tuple[tuple[Path, ...], Array, Trajectory | None, AttitudeTrack | None]:
-    """Pictures of `rgb.txt` with stamps, truth and attitudes; without those that the truth does not cover."""
-    listing = folder / "rgb.txt"
+def _listed_pictures(folder: Path) -> Drive:
+    """Pictures of `rgb.txt`; without those that the truth does not cover."""
+    listing, truth_path = folder / "rgb.txt", folder / "groundtruth.txt"
     stamps, names = _listed(listing)
-    images = tuple(folder / name for name in names)
-    truth_path = folder / "groundtruth.txt"
+    drive = replace(drive_of("tum", folder, tuple(folder / name for name in names)), stamps_s=stamps)
     if not truth_path.is_file():
-        return images, stamps, None, None
+        return drive
     truth_stamps, poses = read_tum_3d(truth_path)
-    recorded = Trajectory(truth_stamps, planarise_camera(poses, setup.world_up, setup.mount))
-    known = [i for i, stamp in enumerate(stamps) if _is_covered(truth_stamps, stamp)]
-    if not known:
+    recorded = Trajectory(truth_stamps, planarise_camera(poses, drive.world_up, drive.mount))
+    # The truth's stamps around each picture's; at both ends twice the same.
+    after = np.searchsorted(truth_stamps, stamps)
+    before_s, after_s = truth_stamps[np.maximum(after - 1, 0)], truth_stamps[np.minimum(after, len(truth_stamps) - 1)]
+    nearest_s = np.minimum(np.abs(stamps - before_s), np.abs(stamps - after_s))
+    known = (after_s - before_s <= MAX_GAP_S) & (nearest_s <= MAX_GAP_S / 2)
+    if not known.any():
         raise CameraError(
             f"{truth_path}: covers {truth_stamps[0]:.3f} to {truth_stamps[-1]:.3f} s, "
             f"no picture of {listing} ({stamps[0]:.3f} to {stamps[-1]:.3f} s) lies in it"
         )
-    poses_at: tuple[SE2, ...] = tuple(recorded.at(float(stamps[i]), MAX_GAP_S) for i in known)
     kept = stamps[known]
-    attitudes = camera_attitudes(truth_stamps, poses, setup.world_up)
-    return tuple(images[i] for i in known), kept, Trajectory(kept, poses_at).from_start(), attitudes
+    return replace(
+        drive,
+        images=tuple(compress(drive.images, known)),
+        stamps_s=kept,
+        truth=Trajectory(kept, tuple(recorded.at(stamp, MAX_GAP_S) for stamp in kept.tolist())).from_start(),
+        attitudes=camera_attitudes(truth_stamps, poses, drive.world_up),
+    )
 
 
 def _listed(path: Path) -> tuple[Array, list[str]]:
@@ -73,10 +79,3 @@ def _listed(path: Path) -> tuple[Array, list[str]]:
         if not name or not name.isprintable():
             raise CameraError(f"{path}:{number}: no file is named after the stamp")
     return increasing(path, numbers, rows), names
-
-
-def _is_covered(truth_stamps: Array, stamp: float) -> bool:
-    after = int(np.searchsorted(truth_stamps, stamp))
-    near = truth_stamps[max(after - 1, 0) : after + 1]
-    gap = near[-1] - near[0]
-    return bool(gap <= MAX_GAP_S and np.abs(near - stamp).min() <= MAX_GAP_S / 2)

@@ -4,6 +4,8 @@ With a sixth column, the score, they are pseudo-labels of a network.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +15,9 @@ from edgemap.runtime.frames.class_names import COCO_NAMES, read_class_names
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.tables import Column, NumberTable, columns
-from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
+from edgemap.runtime.inputs.drives.layout import drive_of, one_each
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
-from edgemap.runtime.inputs.drives.pose_files import check_count
 from edgemap.runtime.inputs.drives.truth import read_boxes
 
 LABEL_SCORE = 0.45  # of a predicted box that is a label; from DOUBT_SCORE on it is neither object nor background
@@ -37,26 +38,17 @@ def read_yolo(folder: Path) -> Drive:
     shows no object. A `boxes.json`, one entry per picture in order of names, takes precedence: it also has the
     visibility. The pictures have no poses. Raises CameraError.
     """
-    images = list_pictures(folder / "images")
-    if (folder / "boxes.json").is_file():
-        known = read_boxes(folder / "boxes.json")
-        check_count(folder / "boxes.json", len(known), len(images), folder / "images")
-        return _drive(folder, images, known)
-    labels = folder / "labels"
-    paths = [labels / f"{image.stem}.txt" for image in images]
+    drive = drive_of("yolo", folder, list_pictures(folder / "images"))
+    known, labels = folder / "boxes.json", folder / "labels"
+    if known.is_file():
+        return replace(drive, boxes=one_each(known, read_boxes(known), drive))
+    paths = [labels / f"{image.stem}.txt" for image in drive.images]
     if not any(path.is_file() for path in paths):
-        raise CameraError(f"{labels}: no label file for any of the {len(images)} pictures in {folder / 'images'}")
+        raise CameraError(f"{labels}: no label file for any of the {len(paths)} pictures in {folder / 'images'}")
     described = (folder / "classes.txt", labels / "classes.txt", folder / "data.yaml", folder.parent / "data.yaml")
     stated = next((path for path in described if path.is_file()), None)
     names = COCO_NAMES if stated is None else read_class_names(stated, CameraError)
-    pairs = zip(paths, images, strict=True)
-    return _drive(folder, images, tuple(_read_labels(path, image, names) for path, image in pairs))
-
-
-def _drive(folder: Path, images: tuple[Path, ...], boxes: tuple[LabelledBoxes, ...]) -> Drive:
-    setup = read_setup(folder, world_up="z")
-    stamps = np.arange(len(images)) / setup.rate_hz
-    return Drive("yolo", folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, boxes=boxes)
+    return replace(drive, boxes=tuple(map(partial(_read_labels, names), paths, drive.images)))
 
 
 def write_yolo_labels(path: Path, boxes: Sequence[tuple[int, Sequence[float]]], width: int, height: int) -> None:
@@ -68,7 +60,7 @@ def write_yolo_labels(path: Path, boxes: Sequence[tuple[int, Sequence[float]]], 
     path.write_text("".join(lines))
 
 
-def _read_labels(path: Path, image: Path, names: tuple[str, ...]) -> LabelledBoxes:
+def _read_labels(names: tuple[str, ...], path: Path, image: Path) -> LabelledBoxes:
     data = read_bytes(path, CameraError) if path.is_file() else b""
     if not data.strip():
         return LabelledBoxes(np.zeros((0, 4)), ())

@@ -162,9 +162,7 @@ def test_a_realsense_recording_brings_all_of_its_samples(tmp_path):
     from reliability.record_realsense import record_motion
 
     with open_camera(f"realsense:{record_motion(tmp_path / 'motion.db3')}") as camera:
-        frames = []
-        while (frame := camera.read()) is not None:
-            frames.append(frame)
+        frames = list(iter(camera.read, None))
     assert len(frames) == 29
     assert len(camera.info.imu) == 200
     # The last picture is taken with sample 196; each of the others brings the seven since the one before.

@@ -29,7 +29,6 @@ from edgemap.runtime.frames.camera import Camera, CameraOptions, check_size, nex
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.program_camera import FramesCamera, PushedCamera
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.cameras.pictures import VideoCamera
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera, RotatedCamera, SearchRate
 from edgemap.runtime.inputs.drives import write_drive
 from edgemap.runtime.inputs.open import DEMO, open_camera
@@ -136,12 +135,11 @@ def test_reading_goes_on_past_a_damaged_picture_and_one_of_another_size(tmp_path
     (tmp_path / "p" / "2.png").unlink()
     write_pictures(tmp_path / "q", 3, size=(20, 30))
     (tmp_path / "q" / "2.png").rename(tmp_path / "p" / "3.png")
-    faults, frames = [], []
+    faults = []
     with open_camera(str(tmp_path / "p")) as camera:
         assert camera.info.size == (64, 48)
         (tmp_path / "p" / "1.png").unlink()
-        while (frame := next_frame(camera, faults.append)) is not None:
-            frames.append(frame)
+        frames = list(iter(lambda: next_frame(camera, faults.append), None))
     assert [fault.kind.value for fault in faults] == ["damaged", "damaged", "size"]
     assert [(frame.index, frame.stamp_s) for frame in frames] == [(0, 0.3)]  # stamps stay where the files are
 
@@ -206,9 +204,8 @@ def jpeg(size, level):
 def sizes_of(path):
     """Of the frames before the end, or before one line."""
     sizes = set()
-    with VideoCamera("video", path) as camera, suppress(CameraError):
-        while (frame := camera.read()) is not None:
-            sizes.add(frame.image.shape[:2])
+    with open_camera(str(path)) as camera, suppress(CameraError):
+        sizes.update(frame.image.shape[:2] for frame in iter(camera.read, None))
     return sizes
 
 
@@ -298,10 +295,12 @@ def test_what_is_stated_is_of_the_upright_pictures():
     with open_described("demo", None) as camera:
         lens = camera.info.intrinsics
     upright = lens.rotated(90)
-    with open_described("demo", None, CameraOptions(intrinsics=upright, rotate=90)) as camera:
-        assert camera.info.intrinsics == upright
-        assert camera.info.size == (480, 640)
-        assert camera.info.mount is not None
+    session = open_session("demo", intrinsics=upright, rotate=90)
+    for camera in (open_described("demo", None, CameraOptions(intrinsics=upright, rotate=90)), session.camera):
+        with camera:
+            assert camera.info.intrinsics == upright
+            assert camera.info.size == camera.read().image.shape[1::-1] == (480, 640)
+            assert camera.info.mount is not None
 
 
 def test_gravity_of_a_camera_on_its_side_points_up_in_upright_pictures():

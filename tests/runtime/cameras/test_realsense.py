@@ -15,10 +15,10 @@ from support.realsense_playback import Playback
 from support.recordings import drain
 from support.refusal import refused
 
-from edgemap.runtime.frames.camera import RecoveryRule
+from edgemap.runtime.frames.camera import CameraOptions, RecoveryRule
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.cameras import realsense_frames
 from edgemap.runtime.inputs.cameras.live import LiveCamera
-from edgemap.runtime.inputs.cameras.realsense_recording import RealSenseRecording
 from edgemap.runtime.inputs.open import open_camera
 
 rs: Any = pytest.importorskip("pyrealsense2")
@@ -112,16 +112,17 @@ def test_a_missing_library_names_its_remedy(complaint, remedy):
 
 
 @pytest.mark.parametrize(("reads", "times"), [(0, 5), (1, 5), (5, 5), (100, 1)])
-def test_the_thread_that_reads_a_recording_is_done_when_it_is_closed(realsense_recording, reads, times):
+def test_the_thread_that_reads_a_recording_is_done_when_it_is_closed(realsense_recording, reads, times, monkeypatch):
     """Else it would go on with a playback that is let go of, which ends the process."""
+    begun, begin = [], realsense_frames.await_begin
+    monkeypatch.setattr(realsense_frames, "await_begin", lambda *given: begin(*given) or begun.append(given[1]))
     for _ in range(times):
         camera = open_camera(f"realsense:{realsense_recording[0]}")
-        assert isinstance(camera, RealSenseRecording)
-        assert camera._playback.current_status() != rs.playback_status.stopped  # begun, not yet at its end
+        assert begun[-1].current_status() != rs.playback_status.stopped  # begun, not yet at its end
         for _ in range(reads):
             camera.read()
         camera.close()
-        assert camera._playback.current_status() == rs.playback_status.stopped
+        assert begun[-1].current_status() == rs.playback_status.stopped
 
 
 @pytest.mark.parametrize("room", ["recorded_motion", "depth_beside"])
@@ -139,7 +140,7 @@ def test_what_librealsense_says_of_damaged_motion_or_depth_is_one_line(realsense
 def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):
     path, pictures, _ = realsense_recording
     driver, faults = Playback(path), []
-    with LiveCamera(driver, rule=RecoveryRule(stall_limit_s=0.4)) as camera:
+    with LiveCamera(driver, CameraOptions(recovery=RecoveryRule(stall_limit_s=0.4))) as camera:
         assert (camera.info.live, camera.info.size, camera.info.rate_hz) == (True, (640, 480), 30.0)
         assert camera.info.intrinsics.fx == 615.2
         driver.broken = 1

@@ -13,7 +13,7 @@ from support.rtsp import RtspServer, gradients
 from support.waiting import wait_for
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.runtime.frames.camera import RecoveryRule
+from edgemap.runtime.frames.camera import CameraOptions, RecoveryRule
 from edgemap.runtime.frames.errors import CameraError, CameraFault, CameraLostError, CameraState, FrameTimeout
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.inputs.cameras.live import LiveCamera
@@ -225,7 +225,7 @@ def test_the_rate_of_a_device_is_measured_once_there_are_enough_frames():
 
 
 # This process may be kept waiting by others, so only a driver that says so is a fault.
-PATIENT = RecoveryRule(first_frame_limit_s=300.0, stall_limit_s=300.0)
+PATIENT = CameraOptions(recovery=RecoveryRule(first_frame_limit_s=300.0, stall_limit_s=300.0))
 
 
 class RealClock:
@@ -236,7 +236,7 @@ class RealClock:
 
 def test_a_slow_reader_gets_the_newest_and_none_twice():
     driver = ScriptedDriver(RealClock(), rate_hz=100.0)
-    with LiveCamera(driver, rule=PATIENT) as camera:
+    with LiveCamera(driver, PATIENT) as camera:
         for index in (0, 2, 4):
             until = driver.grabs + 5
             wait_for(lambda until=until: driver.grabs >= until)
@@ -248,7 +248,7 @@ def test_a_slow_reader_gets_the_newest_and_none_twice():
 
 def test_a_picture_of_another_size_is_refused_and_after_close_is_the_end():
     camera, driver, clock = scripted()
-    other = LiveCamera(driver, Intrinsics(640, 480, 500, 500, 320, 240), None, None, clock, clock.wait)
+    other = LiveCamera(driver, CameraOptions(Intrinsics(640, 480, 500, 500, 320, 240)), clock, clock.wait)
     with pytest.raises(CameraError, match="6x4, the intrinsics are for 640x480"):
         other.read()
     camera.close()
@@ -260,7 +260,7 @@ def test_a_picture_of_another_size_is_refused_and_after_close_is_the_end():
 def test_a_stream_that_goes_away_comes_back(serve, monkeypatch):
     # RTSP's four attempts take it in full.
     monkeypatch.setattr("edgemap.runtime.inputs.cameras.webcam.PATIENCE_S", 0.5)
-    with serve() as server, LiveCamera(StreamDriver(server.url), rule=PATIENT) as camera:
+    with serve() as server, LiveCamera(StreamDriver(server.url), PATIENT) as camera:
         assert camera.info.live
         assert camera.info.size == (64, 48)
         told = []

@@ -10,7 +10,7 @@ import pytest
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
+from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml, write_camera_yaml
 
 ROS = """image_width: 640
 image_height: 480
@@ -187,7 +187,7 @@ def test_the_documented_file_is_read(tmp_path):
 def test_what_is_written_is_read_back(tmp_path):
     lens = Intrinsics(640, 480, 615.2, 615.4, 321.1, 239.7, Distortion("brown_conrady", (0.1, -0.2, 1e-5, -2e-3, 0.03)))
     mount = Mount.from_degrees(0.42, 17.3, -1.5, 0.1, -0.03, Platform.CAR)
-    write_camera_yaml(tmp_path / "camera.yaml", lens, mount, 29.97, "-y")
+    write_camera_yaml(tmp_path / "camera.yaml", CameraFile(lens, mount, 29.97, "-y"))
     file = read_camera_yaml(tmp_path / "camera.yaml")
     assert file.intrinsics == lens
     assert (file.mount.pitch_rad, file.mount.roll_rad) == pytest.approx((mount.pitch_rad, mount.roll_rad), abs=1e-12)
@@ -202,7 +202,7 @@ def test_a_depth_camera_of_its_own_is_read_back(tmp_path):
     turned = math.sin(math.pi / 8), math.cos(math.pi / 8)
     path.write_text(TEXT[:-1] + f", {depth} quaternion_xyzw: [0, 0, {turned[0]}, {turned[1]}]}}}}")
     file = read_camera_yaml(path)
-    write_camera_yaml(again, file.intrinsics, file.mount, depth=file.depth)
+    write_camera_yaml(again, file)
     for found in (file.depth, read_camera_yaml(again).depth):
         assert found.intrinsics == Intrinsics(512, 424, 365.0, 366.0, 256.0, 212.0)
         assert found.position_m == pytest.approx([-0.05, 0.0, 0.01])

@@ -146,24 +146,24 @@ def test_c2w_reads_its_lens(tmp_path):
     assert len(open_drive(f"c2w:{folder}").images) == 2
 
 
+def tum(folder, step_s, first_s, last_s):
+    """Four pictures from 10 s on, and truth between two stamps: optical axes facing world x, z up."""
+    write_pictures(folder / "rgb", 4)
+    (folder / "rgb.txt").write_text("# stamp file\n" + "".join(f"{10 + i * step_s} rgb/{i}.png\n" for i in range(4)))
+    rows = [f"{stamp:.2f} {stamp - 10} 0 1 -0.5 0.5 -0.5 0.5\n" for stamp in np.arange(first_s, last_s, 0.05)]
+    (folder / "groundtruth.txt").write_text("# truth\n" + "".join(rows))
+    return open_drive(f"tum:{folder}")
+
+
 def test_tum_interpolates_its_truth_and_leaves_out_pictures_without(tmp_path):
-    write_pictures(tmp_path / "rgb", 4)
-    (tmp_path / "rgb.txt").write_text("# stamp file\n" + "".join(f"{10 + i / 10} rgb/{i}.png\n" for i in range(4)))
-    # optical camera facing world x with z up is the quaternion (-0.5, 0.5, -0.5, 0.5)
-    rows = [f"{stamp:.2f} {stamp - 10} 0 1 -0.5 0.5 -0.5 0.5\n" for stamp in np.arange(10.05, 10.26, 0.05)]
-    (tmp_path / "groundtruth.txt").write_text("# truth\n" + "".join(rows))
-    drive = open_drive(f"tum:{tmp_path}")
+    drive = tum(tmp_path, 0.1, 10.05, 10.26)
     assert [path.name for path in drive.images] == ["0.png", "1.png", "2.png", "3.png"]
     found = [pose.vector().tolist() for pose in drive.truth.poses]
     assert found[2] == pytest.approx([0.15, 0.0, 0.0], abs=1e-6)  # the first picture's truth is that at 10.05 s
 
 
 def test_tum_drops_what_lies_outside(tmp_path):
-    write_pictures(tmp_path / "rgb", 4)
-    (tmp_path / "rgb.txt").write_text("".join(f"{10 + i} rgb/{i}.png\n" for i in range(4)))
-    rows = [f"{stamp:.2f} {stamp - 11} 0 1 -0.5 0.5 -0.5 0.5\n" for stamp in np.arange(11.0, 12.01, 0.05)]
-    (tmp_path / "groundtruth.txt").write_text("".join(rows))
-    drive = open_drive(f"tum:{tmp_path}")
+    drive = tum(tmp_path, 1, 11.0, 12.01)
     assert [path.name for path in drive.images] == ["1.png", "2.png"]
     assert drive.truth.poses[1].x_m == pytest.approx(1.0)
     (tmp_path / "groundtruth.txt").write_text("50 0 0 1 -0.5 0.5 -0.5 0.5\n")
