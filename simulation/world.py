@@ -18,6 +18,7 @@ from edgemap.simulation.camera.film import CameraSetup, Effects
 from edgemap.simulation.envelope import Envelope, light_of
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.people import Walker, draw_walkers
+from edgemap.simulation.render.mesh import placed
 from edgemap.simulation.render.scene import Scene, Solid
 from edgemap.simulation.robot.explore import Habits, drive
 from edgemap.simulation.robot.motion import Limits, Sampled
@@ -106,8 +107,8 @@ def build_scene(apartment: Apartment, seed: int) -> Scene:
     shell = build_shell(apartment.before or apartment, np.random.default_rng([seed, 1]))
     solids = list(shell.solids)
     for item in apartment.furniture:
-        mesh, pose = furniture.piece(item.model, item.tint), item.pose_home_object
-        solids.append(Solid(item.id, mesh.placed(pose.x_m, pose.y_m, item.z_m, pose.yaw_rad)))
+        mesh = furniture.piece(item.model, item.tint)
+        solids.append(Solid(item.id, placed(mesh, item.pose_home_object, item.z_m)))
     return Scene(shell.surfaces, tuple(solids), shell.lights)
 
 

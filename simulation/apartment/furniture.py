@@ -18,7 +18,7 @@ import numpy as np
 
 from edgemap.simulation.apartment.made import FLAT_TOPS, LIBRARY, made
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.render.mesh import Material, Mesh, Part
+from edgemap.simulation.render.mesh import Colour, Material, Mesh, Part, triangles_of
 from edgemap.simulation.render.obj import read_obj, simplified
 
 LIBRARIES = Path("/usr/share/sweethome3d/furniture")
@@ -153,7 +153,7 @@ def model_of(key: str) -> Model:
 
 @lru_cache(maxsize=4096)
 def _made_model(key: str) -> Model:
-    depth, width, height = (float(side) for side in np.ptp(load(key).triangles().reshape(-1, 3), axis=0))
+    depth, width, height = (float(side) for side in np.ptp(triangles_of(load(key)).reshape(-1, 3), axis=0))
     name = key.partition("/")[2]
     kind, _, number = name.rpartition("-")
     top = height if kind in FLAT_TOPS else 0.0
@@ -166,7 +166,7 @@ class Tint:
     on everything, textures too."""
 
     hue: float = 0.0
-    cast: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    cast: Colour = (1.0, 1.0, 1.0)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, strength: float) -> "Tint | None":
@@ -175,25 +175,22 @@ class Tint:
             return None
         brightness = float(np.exp(rng.normal(0.0, 0.28 * strength)))
         cast = brightness * np.exp(rng.normal(0.0, 0.14 * strength, 3))
-        r, g, b = (float(channel) for channel in np.clip(cast, 0.45, 1.5))
-        return cls(float(rng.uniform(-0.5, 0.5)) * strength, (r, g, b))
+        return cls(float(rng.uniform(-0.5, 0.5)) * strength, tuple(np.clip(cast, 0.45, 1.5).tolist()))
 
     def on(self, material: Material) -> Material:
         """The material in this tint; what glows or lets light through keeps its colour."""
         if max(material.emission) > 0.0 or material.see_through:
             return material
-        red, green, blue = material.colour
+        colour = material.colour
         if material.texture is None and self.hue:
-            hue, lightness, saturation = colorsys.rgb_to_hls(*np.clip(material.colour, 0.0, 1.0))
-            red, green, blue = colorsys.hls_to_rgb((hue + self.hue) % 1.0, lightness, saturation)
-        r, g, b = (min(channel * cast, 1.2) for channel, cast in zip((red, green, blue), self.cast, strict=True))
-        return replace(material, colour=(r, g, b))
+            hue, lightness, saturation = colorsys.rgb_to_hls(*np.clip(colour, 0.0, 1.0))
+            colour = colorsys.hls_to_rgb((hue + self.hue) % 1.0, lightness, saturation)
+        return replace(material, colour=tuple(min(c * cast, 1.2) for c, cast in zip(colour, self.cast, strict=True)))
 
 
 def piece(model: Model, tint: Tint | None = None) -> Mesh:
     """The mesh of one piece: the model at this piece's size, in its tint."""
-    parts = load(model.key).parts
-    return Mesh(tuple(_dressed(part, model.scale, tint) for part in parts))
+    return [_dressed(part, model.scale, tint) for part in load(model.key)]
 
 
 def _dressed(part: Part, scale: tuple[float, float, float], tint: Tint | None) -> Part:

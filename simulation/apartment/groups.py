@@ -41,7 +41,7 @@ def _chairs(home: Layout, table: Placed, room: RoomArea) -> None:
         if tucked < 0.0:
             pose = pose @ SE2(0.0, 0.0, home.uniform(-0.5, 0.5))
         # Chairs reach under the table they stand at, as far as their backs allow.
-        like = home.put("chair", chair, room, pose, ignore=(table,), like=like) or like
+        like = home.put("chair", chair, room, pose, ignore=table, like=like) or like
 
 
 def small_items(home: Layout, support: Placed, room: RoomArea, count: int, vases: float = 0.2) -> None:

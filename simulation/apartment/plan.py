@@ -10,6 +10,12 @@ WALL_M = 0.12
 DOOR_HEIGHT_M = 2.05
 
 
+def turned(rectangle: Rectangle, turn: bool) -> Rectangle:
+    """The rectangle with x and y exchanged where `turn`, so that one rule serves walls along x and along y."""
+    x0, y0, x1, y1 = rectangle
+    return (y0, x0, y1, x1) if turn else rectangle
+
+
 @dataclass(frozen=True, slots=True)
 class RoomArea:
     """The floor of one room between its walls. kind: living, dining, kitchen, bedroom, bathroom, study or hall."""

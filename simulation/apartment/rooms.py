@@ -40,7 +40,7 @@ def _seating(home: Layout, room: RoomArea) -> None:
     if sofa is None:
         return
     if home.chance(0.6):
-        table = home.before("coffee table", sofa, room, home.uniform(0.32, 0.45), facing=False)
+        table = home.before("coffee table", sofa, room, home.uniform(0.32, 0.45))
         if table is not None:
             small_items(home, table, room, home.count(0, 2))
     if home.chance(0.75):
@@ -127,7 +127,7 @@ def _workplace(home: Layout, room: RoomArea) -> None:
     desk = home.against_wall("desk", room)
     if desk is None:
         return
-    home.before("office chair" if home.chance(0.7) else "chair", desk, room, -home.uniform(-0.1, 0.2), ignore=True)
+    home.before("office chair" if home.chance(0.7) else "chair", desk, room, -home.uniform(-0.1, 0.2), under=True)
     if home.chance(0.8):
         home.on_top("laptop" if home.chance(0.5) else "computer", desk, room, spread=0.15, back=True)
     home.on_top("desk lamp", desk, room, spread=0.4)

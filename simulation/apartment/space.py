@@ -31,10 +31,10 @@ class Boxes:
         self._spans = np.concatenate([self._spans, [[low_m, high_m]]])
         self._numbers = np.append(self._numbers, number)
 
-    def meets(self, corners: Array, low_m: float, high_m: float, ignore: tuple[int, ...] = ()) -> bool:
-        """Whether a box overlaps any of them, those of the numbers to ignore apart (separating axes)."""
+    def meets(self, corners: Array, low_m: float, high_m: float, ignore: int = -1) -> bool:
+        """Whether a box overlaps any of them, that of the number to ignore apart (separating axes)."""
         near = (self._spans[:, 0] < high_m - 1e-4) & (self._spans[:, 1] > low_m + 1e-4)
-        near &= ~np.isin(self._numbers, ignore)
+        near &= self._numbers != ignore
         others = self._corners[near]
         if not len(others):
             return False

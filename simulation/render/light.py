@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from edgemap.simulation.render.light_points import Points, Reflector, SolidPoints, SurfacePoints, probe_grid
-from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.render.mesh import Array, triangles_of
 from edgemap.simulation.render.raytracer import Raytracer, cosine_directions, in_pieces, r2_sequence
 from edgemap.simulation.render.scene import ROOM_ID, AreaLight, LitScene, LitSurface, Probes, Scene
 
@@ -61,7 +61,7 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
     corner, step, shape, air = probe_grid(scene)
     reflecting = [*(surface.reflector() for surface in surfaces), solids.reflector()]
     tracer = Raytracer(np.concatenate([part.triangles for part in reflecting]))
-    trim = Raytracer(np.concatenate([solid.mesh.triangles() for solid in scene.solids if solid.id == ROOM_ID]))
+    trim = Raytracer(np.concatenate([triangles_of(solid.mesh) for solid in scene.solids if solid.id == ROOM_ID]))
     # All in one go: most surfaces are too small to be shared out to the processors by themselves.
     everywhere = Points.joined([*(surface.fine for surface in surfaces), air, solids.points])
     ends = np.cumsum([len(surface.fine) for surface in surfaces], dtype=np.int64)

@@ -122,7 +122,7 @@ class SolidPoints:
     points: all fronts, then all backs."""
 
     def __init__(self, solids: Sequence[Solid], spacing_m: float, cluster_m: float) -> None:
-        self._parts = [(solid.id, _fine(part, spacing_m)) for solid in solids for part in solid.mesh.parts]
+        self._parts = [(solid.id, _fine(part, spacing_m)) for solid in solids for part in solid.mesh]
         self._cluster_m = cluster_m
         counts = [3 * len(part.positions) for _, part in self._parts]
         positions = _flat([part.positions for _, part in self._parts])

@@ -79,8 +79,8 @@ class Moving:
     def meshes(self, mesh: Mesh) -> Meshes:
         """A mover's mesh, sent when first asked for."""
         if id(mesh) not in self._known:
-            dark = [np.zeros(part.positions.shape, dtype=np.float32) for part in mesh.parts]
-            packed = pack_parts([LitPart(1, part, d, d, d, d) for part, d in zip(mesh.parts, dark, strict=True)])
+            dark = [np.zeros(part.positions.shape, dtype=np.float32) for part in mesh]
+            packed = pack_parts([LitPart(1, part, d, d, d, d) for part, d in zip(mesh, dark, strict=True)])
             # The mesh is kept too, so that its id stays its own.
             self._known[id(mesh)] = mesh, Meshes(self._canvas, packed)
         return self._known[id(mesh)][1]

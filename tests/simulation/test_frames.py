@@ -15,7 +15,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs import demo
-from edgemap.simulation.render.mesh import Material, Mesh, box, quad
+from edgemap.simulation.render.mesh import Material, box, placed, quad
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Probes, Surface
@@ -33,12 +33,12 @@ def lit(id_, mesh, lamp=1.0, day=0.0):
     def light(part, value):
         return np.full(part.positions.shape, value, dtype=np.float32)
 
-    return [LitPart(id_, p, *[light(p, lamp)] * 2, *[light(p, day)] * 2) for p in mesh.parts]
+    return [LitPart(id_, p, *[light(p, lamp)] * 2, *[light(p, day)] * 2) for p in mesh]
 
 
 def sheet(x, y0, y1, z0, z1, material=GREY):
     """A rectangle across the view, facing the camera."""
-    return Mesh((quad((x, y0, z0), (0, 0, z1 - z0), (0, y1 - y0, 0), material),))
+    return [quad((x, y0, z0), (0, 0, z1 - z0), (0, y1 - y0, 0), material)]
 
 
 def wall(x, half, lamp=1.0, day=0.0):
@@ -135,7 +135,7 @@ def test_points_stand_where_mount_and_lens_project_them(draw, lens):
     half, parts = 0.0313, []
     for n, (left, up) in enumerate(zip(y, z, strict=True), 1):
         marker = sheet(2.0, left - half, left + half, up - half, up + half)
-        parts += lit(n, marker.placed(POSE.x_m, POSE.y_m, 0.0, POSE.yaw_rad))
+        parts += lit(n, placed(marker, POSE, 0.0))
     frame = draw(parts, intrinsics=lens).frame(View.of_base(POSE, TILTED))
     from_lens = np.column_stack([np.full(len(y), 2.0), y, z]) - TILTED.position_base_m()
     optical = from_lens @ TILTED.rotation_base_optical()

@@ -17,7 +17,7 @@ import numpy as np
 from edgemap.simulation.apartment.made import textures
 from edgemap.simulation.apartment.made.shapes import lofts, solids
 from edgemap.simulation.apartment.made.shapes.leaves import leaves
-from edgemap.simulation.render.mesh import Material, Mesh, Part, box, quad
+from edgemap.simulation.render.mesh import Material, Mesh, Part, box, quad, triangles_of
 
 LIBRARY = "edgemap"
 # Kinds whose top carries other furniture.
@@ -41,10 +41,10 @@ def made(name: str) -> Mesh:
     piece = _pieces(kind)[number]
     materials = _materials(piece["materials"], [sum(map(ord, kind)), int(number)])
     parts = [part for shape in piece["shapes"] for part in _shaped(dict(shape), materials)]
-    points = np.concatenate([part.positions for part in parts]).reshape(-1, 3)
+    points = triangles_of(parts).reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     shift = -np.array([(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, low[2]])
-    return Mesh(tuple(part.moved(np.eye(3), shift) for part in parts))
+    return [part.moved(np.eye(3), shift) for part in parts]
 
 
 @cache
@@ -86,7 +86,7 @@ def _shaped(shape: dict[str, Any], materials: list[Material]) -> list[Part]:
         else:
             shape[name] = _value(value)
     result = function(**shape)
-    parts = [result] if isinstance(result, Part) else list(result.parts if isinstance(result, Mesh) else result)
+    parts = [result] if isinstance(result, Part) else result
     parts = parts if shown is None else [parts[number] for number in shown]
     for way, *values in then:
         parts = [_THEN[way](part, *map(np.array, values)) for part in parts]

@@ -106,12 +106,8 @@ def loft(rings: ArrayLike, material: Material, low: bool = True, high: bool = Tr
     It faces outwards if the rings run counter-clockwise, viewed from the last ring.
     """
     rings = np.asarray(rings, dtype=np.float64)
-    parts = [surface(rings, material, round_=True)]
-    if low:
-        parts.append(cap(rings[0, ::-1], material))
-    if high:
-        parts.append(cap(rings[-1], material))
-    return Mesh(tuple(parts))
+    ends = ([rings[0, ::-1]] if low else []) + ([rings[-1]] if high else [])
+    return [surface(rings, material, round_=True), *(cap(ring, material) for ring in ends)]
 
 
 def cap(ring: Array, material: Material) -> Part:
@@ -152,4 +148,4 @@ def sheet(middle: Array, thickness: float | Array, material: Material, behind: M
     front, back = middle + half * facing, middle - half * facing
     sides = (np.s_[0], np.s_[:, -1], np.s_[-1, ::-1], np.s_[::-1, 0])
     rims = [surface(np.stack([back[side], front[side]]), behind or material) for side in sides]
-    return Mesh((surface(front, material), surface(back[:, ::-1], behind or material), *rims))
+    return [surface(front, material), surface(back[:, ::-1], behind or material), *rims]
