@@ -61,8 +61,9 @@ def light_levels(probes: Probes, poses: Array) -> tuple[Array, Array]:
     """Mean light in full daylight and with all lamps on, ahead of base poses (N, 3): irradiance / pi, (N,) each."""
     ahead = poses[:, :2] + _AHEAD_M * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
     at = ((ahead - probes.corner_m[:2]) / probes.step_m[:2]).T
-    day, lamp = (
-        map_coordinates(light.mean(axis=(2, 3, 4)), at, order=1, mode="nearest") for light in (probes.day, probes.lamp)
+    lamp, day = (
+        map_coordinates(np.ascontiguousarray(light).mean(axis=(2, 3, 4)), at, order=1, mode="nearest")
+        for light in np.split(probes.light, 2, axis=-1)
     )
     return day, lamp
 

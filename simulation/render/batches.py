@@ -110,8 +110,8 @@ def _corner_rows(lit: LitPart) -> NDArray[Any]:
     rows["position"], rows["uv"] = part.positions.reshape(-1, 3), part.uv.reshape(-1, 2)
     rows["normal"][:, :3] = np.round(part.normals.reshape(-1, 3) * 127.0)
     rows["tint"][:, :3] = _encoded(part.material.colour)
-    rows["lamp_front"], rows["lamp_back"] = lit.front.reshape(-1, 3), lit.back.reshape(-1, 3)
-    rows["day_front"], rows["day_back"] = lit.day_front.reshape(-1, 3), lit.day_back.reshape(-1, 3)
+    for side, light in (("front", lit.front), ("back", lit.back)):
+        rows[f"lamp_{side}"], rows[f"day_{side}"] = np.split(light.reshape(-1, 6), 2, axis=1)
     return rows
 
 

@@ -16,9 +16,7 @@ from scipy.sparse import csr_array
 from edgemap.simulation.render.light_points import Points, Reflector, SolidPoints, SurfacePoints, probe_grid
 from edgemap.simulation.render.mesh import Array, triangles_of
 from edgemap.simulation.render.raytracer import Raytracer, cosine_directions, in_pieces, r2_sequence
-from edgemap.simulation.render.scene import ROOM_ID, AreaLight, LitScene, LitSurface, Probes, Scene
-
-Light = NDArray[np.float32]
+from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Light, LitScene, LitSurface, Probes, Scene
 
 # Light fainter than this is not worth a ray: a hundredth of a dim room.
 _FAINT = 0.003
@@ -83,13 +81,12 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
     lit_surfaces, at = [], 0
     for surface, light in zip(surfaces, direct_maps, strict=True):
         some = slice(at, at + len(surface.coarse))
-        lit_surfaces.append(_lit_surface(surface, light, bounced[some], behind[some] < 0.5))
+        lit_surfaces.append(LitSurface(surface.surface, surface.light_map(light, bounced[some], behind[some] < 0.5)))
         at = some.stop
     total = direct + bounced
     cubes = total[at : at + len(air)].reshape(*shape, 6, 6)
     parts = solids.lit(total[at + len(air) :])
-    probes = Probes(corner, step, cubes[..., :3].copy(), cubes[..., 3:].copy())
-    return LitScene(tuple(lit_surfaces), tuple(parts), scene.lights, probes)
+    return LitScene(tuple(lit_surfaces), tuple(parts), scene.lights, Probes(corner, step, cubes))
 
 
 def _direct(tracer: Raytracer, points: Points, scene: Scene, samples: int) -> Light:
@@ -212,9 +209,3 @@ def _met_from_behind(sources: NDArray[np.int32], doubled: int, surface_triangles
 def _dot(a: Light, b: Light) -> Light:
     """Products (N,) of vectors (N, 3)."""
     return np.einsum("ij,ij->i", a, b)
-
-
-def _lit_surface(surface: SurfacePoints, direct: Light, bounced: Light, open_: NDArray[np.bool_]) -> LitSurface:
-    """Light maps of a surface; noise is blurred away, of bounced light more than of the sharper direct light."""
-    light = surface.smooth_fine(direct, open_) + surface.smooth_coarse(bounced, open_)
-    return LitSurface(surface.surface, np.ascontiguousarray(light[..., :3]), np.ascontiguousarray(light[..., 3:]))

@@ -10,9 +10,7 @@ from scipy.spatial import KDTree
 
 from edgemap.simulation.render.mesh import Array, Part, subdivided, welded
 from edgemap.simulation.render.raytracer import Raytracer
-from edgemap.simulation.render.scene import LitPart, Scene, Solid, Surface
-
-Light = NDArray[np.float32]
+from edgemap.simulation.render.scene import Light, LitPart, Scene, Solid, Surface
 
 _REFLECTOR_M, _PROBE_STEP_M, _PROBE_HEIGHT_M, _PROBE_LEVELS = 0.25, 0.6, 0.15, 4
 _MOST_TEXELS = 1000  # of a light map's side; the atlas holds no more
@@ -73,29 +71,19 @@ class SurfacePoints:
 
     def coarsened(self, light: Light) -> Light:
         """Light at coarse texels (M, 6) from that at fine ones (N, 6)."""
-        size = self.coarse_shape[::-1]
-        halves = [
-            cv2.resize(np.ascontiguousarray(half.reshape(*self.shape, 3)), size, interpolation=cv2.INTER_AREA)
-            for half in (light[:, :3], light[:, 3:])
-        ]
-        return np.asarray(np.concatenate(halves, axis=2).reshape(-1, 6), dtype=np.float32)
+        return _resized(light.reshape(*self.shape, 6), self.coarse_shape, cv2.INTER_AREA).reshape(-1, 6)
 
-    def smooth_fine(self, light: Light, open_coarse: NDArray[np.bool_]) -> Light:
-        """The map (rows, columns, 6) of fine values (N, 6), less noisy; covered texels take over their neighbours'."""
-        coarse = open_coarse.reshape(self.coarse_shape).astype(np.uint8)
-        inside = cv2.resize(coarse, self.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
-        return _smooth(light.reshape(*self.shape, 6), self._open & inside)
+    def light_map(self, direct: Light, bounced: Light, open_coarse: NDArray[np.bool_]) -> Light:
+        """The map (rows, columns, 6) of direct light at fine texels (N, 6) and bounced light at coarse ones (M, 6).
 
-    def smooth_coarse(self, light: Light, open_coarse: NDArray[np.bool_]) -> Light:
-        """The map (rows, columns, 6) of coarse values (M, 6)."""
-        open_ = self._coarse_open & open_coarse.reshape(self.coarse_shape)
-        smooth = _smooth(light.reshape(*self.coarse_shape, 6), open_)
-        size = self.shape[::-1]
-        halves = [
-            cv2.resize(np.ascontiguousarray(half), size, interpolation=cv2.INTER_LINEAR)
-            for half in (smooth[..., :3], smooth[..., 3:])
-        ]
-        return np.asarray(np.concatenate(halves, axis=2), dtype=np.float32)
+        Noise is blurred away, of bounced light more than of the sharper direct light; covered texels take over their
+        neighbours'. open_coarse: (M,), those that are not inside of walls.
+        """
+        coarse = open_coarse.reshape(self.coarse_shape)
+        inside = cv2.resize(coarse.astype(np.uint8), self.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+        smooth = _smooth(bounced.reshape(*self.coarse_shape, 6), self._coarse_open & coarse)
+        fine = _smooth(direct.reshape(*self.shape, 6), self._open & inside)
+        return fine + _resized(smooth, self.shape, cv2.INTER_LINEAR)
 
     def reflector(self) -> Reflector:
         """Triangles of the surface, lit by its coarse texels."""
@@ -180,8 +168,7 @@ class SolidPoints:
         done, at = [], 0
         for id_, part in self._parts:
             some = slice(at, at + 3 * len(part.positions))
-            front, back = (side[some].reshape(-1, 3, 6) for side in sides)
-            done.append(LitPart(id_, part, front[..., :3], back[..., :3], front[..., 3:], back[..., 3:]))
+            done.append(LitPart(id_, part, *(side[some].reshape(-1, 3, 6) for side in sides)))
             at = some.stop
         return done
 
@@ -220,6 +207,13 @@ def _ranked(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int6
 def _bytes(values: np.ndarray, kind: str) -> NDArray[np.uint8]:
     values = np.ascontiguousarray(values.astype(kind))
     return values.view(np.uint8).reshape(len(values), values.shape[1] * values.itemsize)
+
+
+def _resized(light: Light, shape: tuple[int, int], interpolation: int) -> Light:
+    """Light (rows, columns, 6) at as many rows and columns as `shape`; OpenCV takes up to four channels."""
+    halves = [np.ascontiguousarray(half) for half in np.split(light, 2, axis=2)]
+    halves = [cv2.resize(half, shape[::-1], interpolation=interpolation) for half in halves]
+    return np.asarray(np.concatenate(halves, axis=2), dtype=np.float32)
 
 
 def _smooth(light: Light, open_: NDArray[np.bool_]) -> Light:

@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from edgemap.geometry.se2 import SE2
@@ -46,25 +45,18 @@ def stand(points: Array) -> tuple[float, float, float, float]:
     return float(middle[0]), float(middle[1]), float(half[0]), float(half[1])
 
 
-def mid_air_light(probes: Probes, light: NDArray[np.float32], points: Array, normals: Array) -> Array:
-    """Light (N, 3) at points with normals (N, 3) of one mover, in the home frame. light: the probes' own of the lamps
-    or of the day. Up the mover's height, from the probes round its middle; faces weighted by the squared normal (an
-    ambient cube, Source engine 2004)."""
+def mid_air_light(probes: Probes, points: Array, normals: Array) -> Array:
+    """Light (N, 6) at points with normals (N, 3) of one mover, in the home frame. Up the mover's height, from the
+    probes round its middle; faces weighted by the squared normal (an ambient cube, Source engine 2004)."""
     middle = points.mean(axis=0)
-    heights = probes.corner_m[2] + probes.step_m[2] * np.arange(light.shape[2])
+    heights = probes.corner_m[2] + probes.step_m[2] * np.arange(probes.light.shape[2])
     at = (np.broadcast_to(middle, (len(heights), 3)) - probes.corner_m) / probes.step_m
     at[:, 2] = np.arange(len(heights))
-    column = np.stack(
-        [
-            map_coordinates(light[..., face, channel], at.T, order=1, mode="nearest")
-            for face in range(6)
-            for channel in range(3)
-        ],
-        axis=1,
-    )
+    faces = np.moveaxis(probes.light.reshape(*probes.light.shape[:3], -1), -1, 0)
+    column = np.stack([map_coordinates(face, at.T, order=1, mode="nearest") for face in faces], axis=1)
     level = np.clip((points[:, 2] - heights[0]) / probes.step_m[2], 0.0, len(heights) - 1.001)
     low, share = level.astype(int), (level % 1.0)[:, None]
-    cube = ((1.0 - share) * column[low] + share * column[np.minimum(low + 1, len(heights) - 1)]).reshape(-1, 6, 3)
+    cube = ((1.0 - share) * column[low] + share * column[np.minimum(low + 1, len(heights) - 1)]).reshape(-1, 6, 6)
     weights = np.stack([np.maximum(sign * normals[:, axis], 0.0) ** 2 for axis in range(3) for sign in (1, -1)], axis=1)
     return (weights[..., None] * cube).sum(axis=1)
 
@@ -79,8 +71,8 @@ class Moving:
     def meshes(self, mesh: Mesh) -> Meshes:
         """A mover's mesh, sent when first asked for."""
         if id(mesh) not in self._known:
-            dark = [np.zeros(part.positions.shape, dtype=np.float32) for part in mesh]
-            packed = pack_parts([LitPart(1, part, d, d, d, d) for part, d in zip(mesh, dark, strict=True)])
+            dark = [np.zeros((len(part.positions), 3, 6), dtype=np.float32) for part in mesh]
+            packed = pack_parts([LitPart(1, part, d, d) for part, d in zip(mesh, dark, strict=True)])
             # The mesh is kept too, so that its id stays its own.
             self._known[id(mesh)] = mesh, Meshes(self._canvas, packed)
         return self._known[id(mesh)][1]
@@ -93,8 +85,9 @@ class Moving:
         turn = home_mover[:3, :3]
         points = rows["position"].astype(np.float64) @ turn.T + home_mover[:3, 3]
         normals = rows["normal"][:, :3] / 127.0 @ turn.T
-        for group, light in (("lamp", self._probes.lamp), ("day", self._probes.day)):
-            rows[f"{group}_front"] = rows[f"{group}_back"] = mid_air_light(self._probes, light, points, normals)
+        lamp, day = np.split(mid_air_light(self._probes, points, normals), 2, axis=1)
+        rows["lamp_front"] = rows["lamp_back"] = lamp
+        rows["day_front"] = rows["day_back"] = day
         meshes.vertices.write(rows.tobytes())
         eye = np.asarray(np.linalg.inv(home_mover) @ [*view.position_home_m, 1.0], dtype=np.float64)
         return [Draw(meshes, batch, slot, clip @ home_mover, eye[:3], home_mover) for batch in meshes.packed.batches]

@@ -67,25 +67,23 @@ class Atlas:
     """Light maps side by side. places: per surface (u0, v0, u1, v1), the map's own border in the texture, 0..1."""
 
     def __init__(self, surfaces: Sequence[LitSurface]) -> None:
-        at = _shelves([lit.lamp.shape[:2] for lit in surfaces])
-        rows = max([16, *(row + lit.lamp.shape[0] + 2 for (row, _), lit in zip(at, surfaces, strict=True))])
+        at = _shelves([lit.light.shape[:2] for lit in surfaces])
+        rows = max([16, *(row + lit.light.shape[0] + 2 for (row, _), lit in zip(at, surfaces, strict=True))])
         self.size = (_WIDTH, 1 << (rows - 1).bit_length())
-        self._day, self._lamp = (np.zeros((self.size[1], _WIDTH, 3), dtype=np.float32) for _ in range(2))
+        self._sheet = np.zeros((self.size[1], _WIDTH, 6), dtype=np.float32)
         self.places: list[Array] = []
         for (row, column), lit in zip(at, surfaces, strict=True):
-            height, width = lit.lamp.shape[:2]
-            for sheet, light in ((self._day, lit.day), (self._lamp, lit.lamp)):
-                # One more texel all around, for the filter.
-                sheet[row : row + height + 2, column : column + width + 2] = np.pad(
-                    light, ((1, 1), (1, 1), (0, 0)), "edge"
-                )
+            height, width = lit.light.shape[:2]
+            # One more texel all around, for the filter.
+            bordered = np.pad(lit.light, ((1, 1), (1, 1), (0, 0)), "edge")
+            self._sheet[row : row + height + 2, column : column + width + 2] = bordered
             low = np.array([column + 1, row + 1], dtype=np.float64)
             self.places.append(np.concatenate([low, low + [width, height]]) / [*self.size, *self.size])
 
     def mixed(self, light: LightMix) -> NDArray[np.float16]:
         """The texture, (rows, columns, 4)."""
         sheet = np.ones((self.size[1], _WIDTH, 4), dtype=np.float16)
-        sheet[..., :3] = light.day * self._day + light.lamp * self._lamp
+        sheet[..., :3] = light.day * self._sheet[..., 3:] + light.lamp * self._sheet[..., :3]
         return sheet
 
 

@@ -26,14 +26,15 @@ INTRINSICS = Intrinsics(320, 240, 200.0, 200.0, 159.5, 119.5)
 # Looks along x from (0, 0, 1).
 MOUNT = Mount.from_degrees(1.0, 0.0)
 GREY = Material((0.5, 0.5, 0.5))
-PROBES = Probes(np.zeros(3), np.ones(3), *[np.full((1, 1, 1, 6, 3), 0.2, np.float32)] * 2)
+PROBES = Probes(np.zeros(3), np.ones(3), np.full((1, 1, 1, 6, 6), 0.2, np.float32))
+
+
+def light(shape, lamp, day):
+    return np.broadcast_to(np.repeat(np.float32([lamp, day]), 3), (*shape, 6))
 
 
 def lit(id_, mesh, lamp=1.0, day=0.0):
-    def light(part, value):
-        return np.full(part.positions.shape, value, dtype=np.float32)
-
-    return [LitPart(id_, p, *[light(p, lamp)] * 2, *[light(p, day)] * 2) for p in mesh]
+    return [LitPart(id_, p, *[light(p.positions.shape[:2], lamp, day)] * 2) for p in mesh]
 
 
 def sheet(x, y0, y1, z0, z1, material=GREY):
@@ -43,7 +44,7 @@ def sheet(x, y0, y1, z0, z1, material=GREY):
 
 def wall(x, half, lamp=1.0, day=0.0):
     surface = Surface(np.array([x, half, 1 - half]), np.array([0, -2.0 * half, 0]), np.array([0, 0, 2.0 * half]), GREY)
-    return LitSurface(surface, *(np.full((4, 4, 3), value, dtype=np.float32) for value in (lamp, day)))
+    return LitSurface(surface, light((4, 4), lamp, day))
 
 
 @pytest.fixture
