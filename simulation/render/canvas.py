@@ -1,12 +1,13 @@
 """OpenGL without a screen: one GLSL program for each kind of surface, meshes and textures in memory, draw batches.
 
-The GLSL source in glsl/ serves all kinds of surface; `source` leaves out what a kind does not need. Mesa draws on the
+The GLSL source in glsl/ serves all kinds of surface; `program` leaves out what a kind does not need. Mesa draws on the
 processor, where each fragment is expensive. Matte, plain surfaces therefore get their colour at the vertices. Only
 glossy surfaces compute highlights, and only surfaces with holes may discard fragments. Colours are stored as square
 roots (textures in, pixels out) because gamma curves cost more than everything else. `DISPLAY` converts square roots to
 sRGB afterwards."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.render.batches import Batch, Packed, SurfaceKind
+from edgemap.simulation.render.batches import Batch, Packed
 from edgemap.simulation.render.mesh import Array
 
 LAMPS = 4
@@ -25,17 +26,10 @@ THREE_OF_FOUR = {"normal": "3i1 1x", "tint": "3f1 1x"}  # moderngl's formats of 
 DISPLAY = np.round(255.0 * (np.arange(256) / 255.0) ** (2.0 / 2.2)).astype(np.uint8)
 
 
-def source(kind: SurfaceKind) -> tuple[str, str]:
-    """Vertex and fragment shader for a kind of surface."""
-    flags = {"LIGHT_MAP": kind.light_map, "IMAGE": kind.image, "HOLES": kind.holes, "GLOSSY": kind.glossy}
-    return shader("surface", "".join(f"#define {name}\n" for name, on in flags.items() if on))
-
-
-def shader(name: str, head: str = "") -> tuple[str, str]:
-    """Vertex and fragment shader glsl/NAME. head: text inserted before both."""
-    folder = Path(__file__).with_name("glsl")
-    vertex, fragment = ((folder / f"{name}.{kind}").read_text() for kind in ("vert", "frag"))
-    return f"#version 330\n{head}{vertex}", f"#version 330\n{head}{fragment}"
+def shader(name: str, needs: Iterable[str] = ()) -> list[str]:
+    """Vertex and fragment shader glsl/NAME. needs: names that are defined in both."""
+    head = "#version 330\n" + "".join(f"#define {need}\n" for need in needs)
+    return [head + Path(__file__).with_name("glsl").joinpath(f"{name}.{kind}").read_text() for kind in ("vert", "frag")]
 
 
 class RenderTarget:
@@ -45,7 +39,7 @@ class RenderTarget:
         import moderngl
 
         self.gl, self.context = moderngl, _context(moderngl)
-        self._programs: dict[SurfaceKind, Any] = {}
+        self._programs: dict[frozenset[str], Any] = {}
         self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
         self.silhouette = self.context.program(*shader("silhouette"))
         self._shadow = self.context.program(*shader("shadow"))
@@ -55,14 +49,14 @@ class RenderTarget:
         )
         self.white = self._uploaded(np.full((16, 16, 4), 255, dtype=np.uint8))
 
-    def program(self, kind: SurfaceKind) -> Any:
-        """The program that draws a kind of surface. It is compiled at the first call."""
-        if kind not in self._programs:
-            made = self._programs[kind] = self.context.program(*source(kind))
+    def program(self, needs: frozenset[str]) -> Any:
+        """The program that draws surfaces with these needs. It is compiled at the first call."""
+        if needs not in self._programs:
+            made = self._programs[needs] = self.context.program(*shader("surface", needs))
             for unit, name in enumerate(("image", "light_map")):
                 if name in made:
                     made[name] = unit
-        return self._programs[kind]
+        return self._programs[needs]
 
     def texture(self, image: NDArray[np.uint8] | None) -> Any:
         """The OpenGL texture of an image (H, W, 4), sRGB. It is uploaded once. White for None."""

@@ -30,6 +30,7 @@ class Mover:
     pose_home_mover: SE2
     label: str = "person"
 
+    @property
     def matrix_home_mover(self) -> Array:
         """(4, 4) from the mover's frame to the home."""
         matrix = np.eye(4)
@@ -79,13 +80,10 @@ class Moving:
 
     def placed(self, view: View, clip: Array, mover: Mover, slot: int) -> list[Draw]:
         """A mover's batches, lit at its position. clip: (4, 4) from the home to the picture."""
-        home_mover = mover.matrix_home_mover()
-        meshes = self.meshes(mover.mesh)
+        home_mover, meshes = mover.matrix_home_mover, self.meshes(mover.mesh)
         rows = meshes.packed.vertices
-        turn = home_mover[:3, :3]
-        points = rows["position"].astype(np.float64) @ turn.T + home_mover[:3, 3]
-        normals = rows["normal"][:, :3] / 127.0 @ turn.T
-        lamp, day = np.split(mid_air_light(self._probes, points, normals), 2, axis=1)
+        normals = rows["normal"][:, :3] / 127.0 @ home_mover[:3, :3].T
+        lamp, day = np.split(mid_air_light(self._probes, self.points_home_m(mover), normals), 2, axis=1)
         rows["lamp_front"] = rows["lamp_back"] = lamp
         rows["day_front"] = rows["day_back"] = day
         meshes.vertices.write(rows.tobytes())
@@ -94,13 +92,11 @@ class Moving:
 
     def points_home_m(self, mover: Mover) -> Array:
         """A mover's corners (N, 3) in the home frame."""
-        home_mover = mover.matrix_home_mover()
+        home_mover = mover.matrix_home_mover
         points = self.meshes(mover.mesh).packed.vertices["position"].astype(np.float64)
         return points @ home_mover[:3, :3].T + home_mover[:3, 3]
 
     def shadows(self, clip: Array, movers: Iterable[Mover]) -> list[tuple[Array, tuple[float, float, float, float]]]:
         """Inputs of `RenderTarget.shadow`: a clip matrix per mover, and its floor contact."""
-        return [
-            (clip @ mover.matrix_home_mover(), stand(self.meshes(mover.mesh).packed.vertices["position"]))
-            for mover in movers
-        ]
+        feet = ((mover, self.meshes(mover.mesh).packed.vertices["position"]) for mover in movers)
+        return [(clip @ mover.matrix_home_mover, stand(points)) for mover, points in feet]

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.simulation.render.batches import Batch
 from edgemap.simulation.render.canvas import LAMPS, Draw, RenderTarget
 from edgemap.simulation.render.mesh import Array, LightGroup
 from edgemap.simulation.render.scene import AreaLight, LightMix
@@ -65,7 +64,7 @@ class Painter:
 
     def _colour(self, draw: Draw, light: LightMix, exposure: float, slot: float) -> None:
         batch, material = draw.batch, draw.batch.material
-        program = self._canvas.program(batch.kind)
+        program = self._canvas.program(batch.needs)
         glow = np.array(material.emission) * _share(material.group, light)
         values = {"eye": tuple(draw.eye), "glow": tuple(glow), "exposure": exposure, "slot": slot}
         values |= {"day": light.day, "lamp": light.lamp, "gloss": material.gloss}
@@ -74,32 +73,30 @@ class Painter:
             if uniform is not None:
                 uniform.value = value
         program["clip_home"].write(draw.clip.T.astype("f4").tobytes())
-        if batch.kind.glossy:
+        if "GLOSSY" in batch.needs:
             self._highlights(program, draw, light)
-        if batch.kind.image:
+        if "IMAGE" in batch.needs:
             self._canvas.texture(material.texture).use(0)
         draw.meshes.array(program).render(vertices=batch.count, first=batch.first)
 
     def _highlights(self, program: Any, draw: Draw, light: LightMix) -> None:
         """The lights nearest to a glossy batch, as it sees them; those that are switched off cost nothing."""
-        near, places = self._near(draw.batch) if draw.home is None else self._near_moving(draw.batch, draw.home)
+        near, places = self._near(draw)
         on = [(lamp, at) for lamp, at in zip(near, places, strict=True) if _share(lamp.group, light) > 0.0]
         none = [_NOWHERE] * (LAMPS - len(on))
         program["lamps"] = len(on)
         program["lamp_at"] = [at for _, at in on] + none
         program["lamp_power"] = [tuple(lamp.radiance * (0.5 * _share(lamp.group, light))) for lamp, _ in on] + none
 
-    def _near(self, batch: Batch) -> tuple[list[AreaLight], list[_Place]]:
-        if id(batch) not in self._near_batch:
-            self._near_batch[id(batch)] = self._near_moving(batch, np.eye(4))
-        return self._near_batch[id(batch)]
-
-    def _near_moving(self, batch: Batch, home: Array) -> tuple[list[AreaLight], list[_Place]]:
-        """The nearest lights, and where they are for a batch that stands at `home` (4, 4)."""
-        middle = (home @ [*batch.corners.mean(axis=0), 1.0])[:3]
-        near = sorted(self._lights, key=lambda lamp: float(np.linalg.norm(lamp.centre - middle)))
-        near, local = near[:LAMPS], np.linalg.inv(home)
-        return near, [tuple((local @ [*lamp.centre, 1.0])[:3]) for lamp in near]
+    def _near(self, draw: Draw) -> tuple[list[AreaLight], list[_Place]]:
+        """The nearest lights, and where they are in the frame of the batch; worked out once for what never moves."""
+        key = id(draw.batch)
+        if draw.home is not None or key not in self._near_batch:
+            home = np.eye(4) if draw.home is None else draw.home
+            middle, local = (home @ [*draw.batch.corners.mean(axis=0), 1.0])[:3], np.linalg.inv(home)
+            near = sorted(self._lights, key=lambda lamp: float(np.linalg.norm(lamp.centre - middle)))[:LAMPS]
+            self._near_batch[key] = near, [tuple((local @ [*lamp.centre, 1.0])[:3]) for lamp in near]
+        return self._near_batch[key]
 
 
 def _write(target: Any, colour: bool, slot: bool, depth: bool = True) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from edgemap.simulation.render.batches import Batch, pack_parts, pack_surfaces
 from edgemap.simulation.render.canvas import Meshes, RenderTarget
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.render.scene import ROOM_ID, LightMix, LitScene, LitSurface
+from edgemap.simulation.render.scene import LightMix, LitScene, LitSurface
 from edgemap.simulation.render.view import NEAR_M
 
 _WIDTH = 1024  # of the atlas
@@ -28,22 +28,16 @@ class Still:
             walls = Meshes(canvas, pack_surfaces(scene.surfaces, self._atlas.places))
             self._all += [(walls, batch) for batch in walls.packed.batches]
         self._corners = np.array([batch.corners for _, batch in self._all]).reshape(-1, 8, 3)
-        self._batches_of: dict[int, list[Batch]] = {}
-        for batch in self.parts.packed.batches:
-            self._batches_of.setdefault(batch.id, []).append(batch)
 
     def batches_of(self, id_: int) -> list[Batch]:
         """The batches, in `parts`, that one object is made of."""
-        return self._batches_of.get(id_, [])
+        return [batch for batch in self.parts.packed.batches if batch.id == id_]
 
-    def points(self) -> dict[int, Array]:
-        """Corners (N, 3) of every object, metres in the home."""
-        points: dict[int, list[Array]] = {}
+    def points_home_m(self, id_: int) -> Array:
+        """Corners (N, 3) of one object, metres in the home."""
         packed = self.parts.packed
-        for batch in packed.batches:
-            used = np.unique(packed.indices[batch.first : batch.first + batch.count])
-            points.setdefault(batch.id, []).append(packed.vertices["position"][used].astype(np.float64))
-        return {id_: np.concatenate(some) for id_, some in points.items() if id_ != ROOM_ID}
+        used = [np.unique(packed.indices[b.first : b.first + b.count]) for b in self.batches_of(id_)]
+        return packed.vertices["position"][np.concatenate(used)].astype(np.float64)
 
     def in_view(self, clip: Array) -> list[tuple[Meshes, Batch]]:
         """The batches whose boxes reach into the view, near ones first."""
