@@ -5,7 +5,7 @@ floor/HOME_VIEW.png     1 floor, 2 wall, 0 other
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,10 @@ from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, Probes
 from edgemap.simulation.render.view import View
-from edgemap.simulation.shots import default_workers, ordered
-from edgemap.simulation.store import PartStore
+from edgemap.simulation.shots import ordered
+from edgemap.simulation.store import PartStore, Progress
 from edgemap.simulation.studio import EXPOSURE, light_mix
-from edgemap.simulation.truth import floor_labels, picture_boxes
+from edgemap.simulation.truth import floor_labels, is_visible, picture_boxes
 from edgemap.simulation.views import Shown, draw_views
 from edgemap.simulation.world import build_scene
 
@@ -40,7 +40,7 @@ def render_pictures(
     folder: Path,
     per_home: int,
     homes: range,
-    progress: Callable[[int, int], None] = lambda _done, _all: None,
+    progress: Progress = lambda _done, _all: None,
     command: str = "edgemap simulate",
     close: float = 0.0,
     carried: bool = False,
@@ -56,25 +56,18 @@ def render_pictures(
     if store.complete:
         progress(per_home * len(homes), per_home * len(homes))
         return
-    missing = store.missing(homes)
-    done = len(homes) - len(missing)
-    progress(done * per_home, len(homes) * per_home)
-    tasks = [(folder, home, per_home, close, carried) for home in missing]
-    workers = min(default_workers(), max(1, len(tasks)))
-    made = ordered(_render_home, tasks, workers, _nothing) if workers > 1 else map(_render_home, tasks)
-    for number, _ in enumerate(made, start=done + 1):
-        progress(number * per_home, len(homes) * per_home)
-    parts = [store.read(home) for home in homes]
+
+    def make(missing: list[int]) -> Iterable[int]:
+        tasks = [(folder, home, per_home, close, carried) for home in missing]
+        return ordered(_render_home, tasks) if len(tasks) > 1 else map(_render_home, tasks)
+
+    parts = store.fill(homes, make, progress, per_home)
     write_atomically(
         folder / "boxes.json", json.dumps({"frames": [frame for part in parts for frame in part["frames"]]})
     )
     keys = sorted({key for part in parts for key in part["models"]})
     write_atomically(folder / "README.md", credits_text([furniture.model_of(key) for key in keys], command, PICTURES))
     store.finish()
-
-
-def _nothing() -> None:
-    """Nothing to prepare: every home is a task of its own."""
 
 
 def _render_home(task: tuple[Path, int, int, float, bool]) -> int:
@@ -118,13 +111,6 @@ def _write(folder: Path, name: str, picture: tuple[bytes, str], boxes: list[dict
     wanted = [
         (COCO_NAMES.index(record["label"]), record["box"])
         for record in boxes
-        if record["label"] in COCO_NAMES
-        and record["visible"] >= MINIMUM_VISIBLE
-        and _side_px(record) >= MINIMUM_SIDE_PX
+        if record["label"] in COCO_NAMES and is_visible(record, MINIMUM_SIDE_PX, MINIMUM_VISIBLE)
     ]
     write_yolo_labels(folder / "labels" / f"{name}.txt", wanted, lens.width, lens.height)
-
-
-def _side_px(record: dict[str, Any]) -> float:
-    x0, y0, x1, y1 = record["box"]
-    return max(x1 - x0, y1 - y0)

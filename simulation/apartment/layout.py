@@ -38,6 +38,11 @@ class Placed:
         """True where it stands on the floor rather than on other furniture or a wall."""
         return self.z_m < 0.02
 
+    @property
+    def middle_home_m(self) -> Array:
+        """Centre of its footprint, (2,)."""
+        return np.array([self.pose_home_object.x_m, self.pose_home_object.y_m])
+
     def footprint_home_m(self) -> Array:
         """Corners (4, 2) of its oriented bounding rectangle, counter-clockwise."""
         x, y = self.model.depth_m / 2.0, self.model.width_m / 2.0

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from edgemap.simulation.render.mesh import Array, Part, subdivided, welded
+from edgemap.simulation.render.mesh import Array, Part, subdivided, triangles_of, welded
 from edgemap.simulation.render.raytracer import Raytracer
 from edgemap.simulation.render.scene import Light, LitPart, Scene, Solid, Surface
 
@@ -29,7 +30,7 @@ class Points:
     def __len__(self) -> int:
         return len(self.positions)
 
-    def __getitem__(self, some: slice) -> "Points":
+    def __getitem__(self, some: slice | NDArray[Any]) -> "Points":
         return Points(self.positions[some], self.normals[some], self.shifts[some])
 
     @classmethod
@@ -40,8 +41,8 @@ class Points:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reflector:
-    """Triangles (T, 3, 3) that send light on: light points (T, 3) at the corners of their front (which way they are
-    wound) and back, and their linear reflectance (T, 3)."""
+    """Triangles (T, 3, 3) that send light on: numbers (T, 3) of the light points at the corners of their front (which
+    way they are wound) and back, and their linear reflectance (T, 3)."""
 
     triangles: Array
     front: NDArray[np.int64]
@@ -85,16 +86,15 @@ class SurfacePoints:
         fine = _smooth(direct.reshape(*self.shape, 6), self._open & inside)
         return fine + _resized(smooth, self.shape, cv2.INTER_LINEAR)
 
-    def reflector(self) -> Reflector:
-        """Triangles of the surface, lit by its coarse texels."""
+    def reflector(self, first: int) -> Reflector:
+        """Triangles of the surface, lit by its coarse texels. first: number of its first light point."""
         surface, (rows, columns) = self.surface, self.coarse_shape
         part = subdivided(surface.part(), _REFLECTOR_M)
         offset = part.positions - surface.corner
         column = np.clip(offset @ surface.u / (surface.u @ surface.u) * columns, 0, columns - 1).astype(np.int64)
         row = np.clip(offset @ surface.v / (surface.v @ surface.v) * rows, 0, rows - 1).astype(np.int64)
-        texel, material = row * columns + column, surface.material
-        reflectance = np.broadcast_to(material.mean_reflectance() * material.opacity, (len(texel), 3))
-        return Reflector(part.positions, texel, texel, reflectance)
+        texel = first + row * columns + column
+        return Reflector(part.positions, texel, texel, _reflectance(part))
 
     def _texels(self, shape: tuple[int, int], rng: np.random.Generator) -> Points:
         rows, columns = shape
@@ -112,9 +112,11 @@ class SolidPoints:
     def __init__(self, solids: Sequence[Solid], spacing_m: float, cluster_m: float) -> None:
         self._parts = [(solid.id, _fine(part, spacing_m)) for solid in solids for part in solid.mesh]
         self._cluster_m = cluster_m
+        positions, normals = (
+            np.concatenate([getattr(part, name).reshape(-1, 3) for _, part in self._parts]).astype(np.float32)
+            for name in ("positions", "normals")
+        )
         counts = [3 * len(part.positions) for _, part in self._parts]
-        positions = _flat([part.positions for _, part in self._parts])
-        normals = _flat([part.normals for _, part in self._parts])
         ids = np.repeat(np.array([id_ for id_, _ in self._parts], dtype=np.int16), counts)
         corners = np.concatenate([_bytes(np.round(positions * 1e3), "i4"), _bytes(np.round(normals * 8.0), "i1")], 1)
         keep, corner = welded(corners)
@@ -137,20 +139,16 @@ class SolidPoints:
         none = np.zeros((2 * self._count, 2), dtype=np.float32)
         self.points = Points(np.concatenate([at, at]), np.concatenate([normals, -normals]), none)
 
-    def reflector(self) -> Reflector:
-        """Triangles of the solids. The front is where the shading normals point, independent of the winding."""
-        triangles = np.concatenate([part.positions for _, part in self._parts])
+    def reflector(self, first: int) -> Reflector:
+        """Triangles of the solids. The front is where the shading normals point, independent of the winding. first:
+        number of their first light point."""
+        triangles = triangles_of([part for _, part in self._parts])
         normals = np.concatenate([part.normals.mean(axis=1) for _, part in self._parts])
         wound = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         agrees = ((wound * normals).sum(axis=1) >= 0.0)[:, None]
-        front = self._cluster[self._corner].reshape(-1, 3)
+        front = first + self._cluster[self._corner].reshape(-1, 3)
         back = front + self._count
-        reflectance = np.concatenate(
-            [
-                np.broadcast_to(part.material.mean_reflectance() * part.material.opacity, (len(part.positions), 3))
-                for _, part in self._parts
-            ]
-        )
+        reflectance = np.concatenate([_reflectance(part) for _, part in self._parts])
         return Reflector(triangles, np.where(agrees, front, back), np.where(agrees, back, front), reflectance)
 
     def lit(self, light: Light) -> list[LitPart]:
@@ -192,8 +190,8 @@ def _fine(part: Part, longest_m: float) -> Part:
     return subdivided(part, longest_m) if (edges * edges).sum(axis=2).max(initial=0.0) > longest_m**2 else part
 
 
-def _flat(arrays: Sequence[Array]) -> Light:
-    return np.concatenate([array.reshape(-1, 3) for array in arrays]).astype(np.float32)
+def _reflectance(part: Part) -> Array:
+    return np.broadcast_to(part.material.mean_reflectance() * part.material.opacity, (len(part.positions), 3))
 
 
 def _ranked(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -86,7 +86,7 @@ class VisibilityEstimate:
         self._grid, self._intrinsics, self._mount = grid, intrinsics, mount
         items = [item for item in apartment.furniture if item.label and item.on_floor and item.label not in ALIVE]
         self.ids = np.array([item.id for item in items], dtype=np.int64)
-        self.middles_m = np.array([[i.pose_home_object.x_m, i.pose_home_object.y_m] for i in items]).reshape(-1, 2)
+        self.middles_m = np.array([item.middle_home_m for item in items]).reshape(-1, 2)
         pattern = np.array([(a, b, c) for a in _ALONG for b in _ACROSS for c in _UP])
         self._points = np.empty((len(items), len(pattern), 3))
         for row, item in enumerate(items):

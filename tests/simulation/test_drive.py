@@ -41,7 +41,8 @@ WALLS = ((0, 0, 10, 0.1), (0, 0, 0.1, 5), (9.9, 0, 10, 5), (0, 4.9, 10, 5), (6, 
 def piece(number, label, x, y, width, depth, height, yaw, z=0.0):
     model = SimpleNamespace(width_m=width, depth_m=depth, height_m=height)
     pose = SE2(x, y, yaw)
-    return SimpleNamespace(id=number, label=label, model=model, pose_home_object=pose, z_m=z, on_floor=z < 0.02)
+    at = {"pose_home_object": pose, "middle_home_m": np.array([x, y]), "z_m": z, "on_floor": z < 0.02}
+    return SimpleNamespace(id=number, label=label, model=model, **at)
 
 
 def home(pieces=PIECES, walls=WALLS, width_m=10.0, depth_m=5.0):
