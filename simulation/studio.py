@@ -95,17 +95,12 @@ class Studio:
         return floor_labels(frame, view, world.camera.intrinsics, world.apartment.plan.height_m)
 
     def _view(self, stamp_s: float, rng: np.random.Generator) -> tuple[View, Mount, NDArray[np.float64]]:
-        """The view of the camera, its mount with the current shake, and the velocity of the base."""
+        """The view of the camera, its mount with the current shake, and the velocity of the base: forward and left,
+        m/s, and yaw rate, rad/s."""
         world = self._world
-        pose, velocity = self._moment(stamp_s)
+        before, pose, after = world.motion.at(stamp_s + np.array([-0.5, 0.0, 0.5]) * _MOMENT_S)
+        speed, (c, s) = (after - before) / _MOMENT_S, (np.cos(pose[2]), np.sin(pose[2]))
+        velocity = np.array([c * speed[0] + s * speed[1], c * speed[1] - s * speed[0], speed[2]])
         mount = shaken(world.camera.mount, world.effects.shake_rad, velocity, rng)
-        tilt = None if world.tilts is None else world.tilts.at(np.array([stamp_s]))[0]
-        view = View.of_base(pose, mount) if tilt is None else View.of_base(pose, mount, lean(tilt), float(tilt[2]))
-        return view, mount, velocity
-
-    def _moment(self, stamp_s: float) -> tuple[SE2, NDArray[np.float64]]:
-        """Pose and velocity at a stamp. Velocity: forward and left, m/s, and yaw rate, rad/s."""
-        before, pose, after = self._world.motion.at(stamp_s + np.array([-0.5, 0.0, 0.5]) * _MOMENT_S)
-        speed = (after - before) / _MOMENT_S
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        return SE2(*pose), np.array([c * speed[0] + s * speed[1], c * speed[1] - s * speed[0], speed[2]])
+        tilt = np.zeros(3) if world.tilts is None else world.tilts.at(np.array([stamp_s]))[0]
+        return View.of_base(SE2(*pose), mount, lean(tilt), float(tilt[2])), mount, velocity

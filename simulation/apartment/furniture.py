@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -35,8 +35,6 @@ _MOST_TRIANGLES = 9000
 Purpose = Literal["training", "validation", "test", "frozen"]
 # Made models of the frozen block, by kind, numbered far from those of training.
 _FROZEN_NUMBERS = range(101, 105)
-
-_SHORT = {"CC0": "BlendSwap-CC-0", "CCBY": "BlendSwap-CC-BY"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,22 +102,15 @@ class Kind:
 def kinds() -> dict[str, Kind]:
     """Every kind of furniture that rooms draw from, from `models.toml`."""
     entries = tomllib.loads(resources.files("edgemap.simulation.apartment").joinpath("models.toml").read_text())
-    return {name: _kind(name, entry) for name, entry in entries.items()}
-
-
-def _kind(name: str, entry: dict[str, Any]) -> Kind:
-    models, held_out = ([_full(key) for key in entry.get(part, ())] for part in ("models", "held_out"))
-    numbered = (f"{LIBRARY}/{name}-{number}" for number in range(1, entry.get("made", 0) + 1))
-    more = tuple(key for key in numbered if key not in models)
-    scale = {_full(key): float(factor) for key, factor in entry.get("scale", {}).items()}
-    training = tuple(key for key in models if key not in held_out)
-    frozen = tuple(f"{LIBRARY}/{name}-{number}" for number in _FROZEN_NUMBERS if "made" in entry)
-    return Kind(entry.get("label", ""), training, more, tuple(held_out), frozen, scale)
-
-
-def _full(key: str) -> str:
-    library, name = key.split("/")
-    return f"{_SHORT.get(library, library)}/{name}"
+    found = {}
+    for name, entry in entries.items():
+        models, held_out = entry["models"], entry.get("held_out", ())
+        numbered = (f"{LIBRARY}/{name}-{number}" for number in range(1, entry.get("made", 0) + 1))
+        frozen = tuple(f"{LIBRARY}/{name}-{number}" for number in _FROZEN_NUMBERS if "made" in entry)
+        training = tuple(key for key in models if key not in held_out)
+        more = tuple(key for key in numbered if key not in models)
+        found[name] = Kind(entry.get("label", ""), training, more, tuple(held_out), frozen, entry.get("scale", {}))
+    return found
 
 
 def people(purpose: Purpose) -> tuple[Model, ...]:
@@ -190,16 +181,15 @@ class Tint:
 
 def piece(model: Model, tint: Tint | None = None) -> Mesh:
     """The mesh of one piece: the model at this piece's size, in its tint."""
-    return [_dressed(part, model.scale, tint) for part in load(model.key)]
-
-
-def _dressed(part: Part, scale: tuple[float, float, float], tint: Tint | None) -> Part:
-    material = part.material if tint is None else tint.on(part.material)
-    normals = part.normals
-    if len(set(scale)) > 1:
-        normals = normals / scale
-        normals = normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-9)
-    return Part(material, part.positions * scale, normals, part.uv)
+    parts = []
+    for part in load(model.key):
+        normals = part.normals
+        if len(set(model.scale)) > 1:
+            normals = normals / model.scale
+            normals = normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-9)
+        material = part.material if tint is None else tint.on(part.material)
+        parts.append(Part(material, part.positions * model.scale, normals, part.uv))
+    return parts
 
 
 @lru_cache(maxsize=512)

@@ -22,7 +22,8 @@ def build_shell(apartment: Apartment, rng: np.random.Generator) -> Scene:
         walls, skirting = decor.walls(room.kind, rng), float(rng.uniform(0.06, 0.11))
         floor, tile = decor.floor(room.kind, rng)
         surfaces.append(_lying(room.rectangle, floor, tile))
-        surfaces.append(_hanging(room.rectangle, plan.height_m))
+        over = _lying(room.rectangle, _CEILING)
+        surfaces.append(Surface(over.corner + [0.0, 0.0, plan.height_m], over.v, over.u, _CEILING))
         for side in ("near", "far", "left", "right"):
             for low, high, bottom in wall_pieces(plan, room, side):
                 material, tile = walls[side]
@@ -68,13 +69,7 @@ def wall_pieces(plan: ApartmentPlan, room: RoomArea, side: str) -> list[tuple[fl
     return [*pieces, (at, high, 0.0)]
 
 
-def _lying(rectangle: Rectangle, material: Material, tile: float) -> Surface:
+def _lying(rectangle: Rectangle, material: Material, tile: float = 1.0) -> Surface:
     x0, y0, x1, y1 = rectangle
     corner: Array = np.array([x0, y0, 0.0])
     return Surface(corner, np.array([x1 - x0, 0.0, 0.0]), np.array([0.0, y1 - y0, 0.0]), material, (tile, tile))
-
-
-def _hanging(rectangle: Rectangle, z_m: float) -> Surface:
-    x0, y0, x1, y1 = rectangle
-    corner = np.array([x0, y0, z_m])
-    return Surface(corner, np.array([0.0, y1 - y0, 0.0]), np.array([x1 - x0, 0.0, 0.0]), _CEILING)

@@ -66,7 +66,8 @@ class Floor:
             self._free |= self._inside(hole.rectangle)
         for leaf in plan.leaves:
             self._free &= ~self._inside(leaf)
-        self._doors = [_middle_cell(door.rectangle) for door in plan.doorways]
+        middles = [((door.y0 + door.y1) / 2.0, (door.x0 + door.x1) / 2.0) for door in plan.doorways]
+        self._doors = [(int(y / _CELL_M), int(x / _CELL_M)) for y, x in middles]
         self._rooms = [self._inside(room.rectangle) for room in plan.rooms]
         self._least = [
             max(_REACH_M2, _REACH_SHARE * (room.x1 - room.x0) * (room.y1 - room.y0)) / _CELL_M**2 for room in plan.rooms
@@ -106,8 +107,3 @@ class Floor:
     def _inside(self, rectangle: Rectangle) -> NDArray[np.bool_]:
         x0, y0, x1, y1 = rectangle
         return (self._x > x0) & (self._x < x1) & (self._y > y0) & (self._y < y1)
-
-
-def _middle_cell(rectangle: Rectangle) -> tuple[int, int]:
-    x0, y0, x1, y1 = rectangle
-    return int((y0 + y1) / 2.0 / _CELL_M), int((x0 + x1) / 2.0 / _CELL_M)

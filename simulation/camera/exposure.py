@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import map_coordinates
+from scipy.signal import lfilter
 
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import Probes
@@ -83,9 +84,5 @@ def gains(probes: Probes, script: LightScript, motion: Sampled, stamps_s: Array,
     day, lamp = light_levels(probes, motion.at(time))
     wanted = np.log(settled_gain(day_share * day + lamp_share * lamp))
     keep = float(np.exp(-_STEP_S / lag_s)) if lag_s > 0.0 else 0.0
-    reached = np.empty_like(wanted)
-    level = wanted[0]
-    for index, goal in enumerate(wanted):
-        level = keep * level + (1.0 - keep) * goal
-        reached[index] = level
+    reached, _ = lfilter([1.0 - keep], [1.0, -keep], wanted, zi=[keep * wanted[0]])
     return np.exp(np.interp(stamps_s, time, reached))

@@ -38,7 +38,14 @@ class RenderTarget:
     def __init__(self) -> None:
         import moderngl
 
-        self.gl, self.context = moderngl, _context(moderngl)
+        self.gl: Any = moderngl
+        libraries = {"libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+        try:
+            self.context = self.gl.create_context(standalone=True, backend="egl", **libraries)
+        except Exception as error:
+            raise SimulationError(
+                f"no OpenGL without a screen ({error}): apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
+            ) from None
         self._programs: dict[frozenset[str], Any] = {}
         self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
         self.silhouette = self.context.program(*shader("silhouette"))
@@ -139,15 +146,6 @@ def release(target: Any) -> None:
         if buffer is not None:
             buffer.release()
     target.release()
-
-
-def _context(moderngl: Any) -> Any:
-    try:
-        return moderngl.create_context(standalone=True, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1")
-    except Exception as error:
-        raise SimulationError(
-            f"no OpenGL without a screen ({error}): apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
-        ) from None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.render.mesh import Array
@@ -95,8 +95,24 @@ class Lens:
         self.is_identity = intrinsics.distortion.is_identity
         self.pinhole = intrinsics
         self.area_px: NDArray[np.float32] | None = None
-        if not self.is_identity:
-            self._bend()
+        if self.is_identity:
+            return
+        columns, rows = (np.arange(0, n + _GRID_PX, _GRID_PX) for n in (intrinsics.width, intrinsics.height))
+        grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
+        ideal = intrinsics.rays(grid)[:, :2]
+        focal, centre = np.array([intrinsics.fx, intrinsics.fy]), np.array([intrinsics.cx, intrinsics.cy])
+        at = (ideal * focal + centre).reshape(len(rows), len(columns), 2)
+        dense = _dense(at, intrinsics.height, intrinsics.width)
+        low = np.floor(dense.reshape(-1, 2).min(axis=0)).astype(int) - 2
+        width, height = (np.ceil(dense.reshape(-1, 2).max(axis=0)).astype(int) + 3 - low).tolist()
+        cx, cy = (centre - low).tolist()
+        self.pinhole = Intrinsics(width, height, intrinsics.fx, intrinsics.fy, cx, cy)
+        where = dense - low
+        self._at = cv2.convertMaps(where[..., 0].astype(np.float32), where[..., 1].astype(np.float32), cv2.CV_16SC2)
+        limit = np.array([width, height]) * TIMES - 1
+        self._nearest = np.clip(np.round(where * TIMES), 0, limit).astype(np.int16)
+        (du_dv, du_du), (dv_dv, dv_du) = (np.gradient(where[..., axis]) for axis in (0, 1))
+        self.area_px = np.abs(du_du * dv_dv - du_dv * dv_du).astype(np.float32)
 
     def colour(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The bent picture of a pinhole picture."""
@@ -111,32 +127,6 @@ class Lens:
         if self.is_identity:
             return np.ascontiguousarray(values[::TIMES, ::TIMES])
         return np.asarray(cv2.remap(values, self._nearest, _NO_MAP, cv2.INTER_NEAREST))
-
-    def _bend(self) -> None:
-        intrinsics = self.intrinsics
-        columns, rows = (np.arange(0, n + _GRID_PX, _GRID_PX) for n in (intrinsics.width, intrinsics.height))
-        grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
-        ideal = intrinsics.rays(grid)[:, :2]
-        focal, centre = np.array([intrinsics.fx, intrinsics.fy]), np.array([intrinsics.cx, intrinsics.cy])
-        at = (ideal * focal + centre).reshape(len(rows), len(columns), 2)
-        dense = _dense(at, intrinsics.height, intrinsics.width)
-        low = np.floor(dense.reshape(-1, 2).min(axis=0)).astype(int) - 2
-        high = np.ceil(dense.reshape(-1, 2).max(axis=0)).astype(int) + 3
-        width, height = (int(n) for n in high - low)
-        self.pinhole = replace(
-            intrinsics,
-            width=width,
-            height=height,
-            cx=intrinsics.cx - float(low[0]),
-            cy=intrinsics.cy - float(low[1]),
-            distortion=Distortion(),
-        )
-        where = dense - low
-        self._at = cv2.convertMaps(where[..., 0].astype(np.float32), where[..., 1].astype(np.float32), cv2.CV_16SC2)
-        limit = np.array([width, height]) * TIMES - 1
-        self._nearest = np.clip(np.round(where * TIMES), 0, limit).astype(np.int16)
-        (du_dv, du_du), (dv_dv, dv_du) = (np.gradient(where[..., axis]) for axis in (0, 1))
-        self.area_px = np.abs(du_du * dv_dv - du_dv * dv_du).astype(np.float32)
 
 
 def _dense(coarse: Array, height: int, width: int) -> Array:

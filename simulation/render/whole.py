@@ -69,12 +69,6 @@ def zoomed(clip_home: Array, box: NDArray[np.float64], pinhole: Intrinsics) -> A
     return zoom @ clip_home
 
 
-def filled(raw: Any, count: int) -> NDArray[np.float64]:
-    """Covered share of each of the first `count` tiles of the sheet. raw: the sheet's bytes."""
-    sheet = np.frombuffer(raw, dtype=np.uint8).reshape(ROWS, TILE_PX, COLUMNS, TILE_PX)
-    return (sheet > 127).mean(axis=(1, 3)).reshape(-1)[:count]
-
-
 class Wholes:
     """Draws silhouettes as tiles of one sheet."""
 
@@ -107,7 +101,8 @@ class Wholes:
             row, column = divmod(number, COLUMNS)
             self._sheet.viewport = (column * TILE_PX, row * TILE_PX, TILE_PX, TILE_PX)
             self._alone(zoomed(clip, windows[-1], pinhole) @ home, meshes, batches)
-        covered = filled(self._sheet.read(components=1, alignment=1), len(ids))
+        sheet = np.frombuffer(self._sheet.read(components=1, alignment=1), dtype=np.uint8)
+        covered = (sheet.reshape(ROWS, TILE_PX, COLUMNS, TILE_PX) > 127).mean(axis=(1, 3)).ravel()[: len(ids)]
         sides = np.array(windows).reshape(-1, 2, 2)
         return boxes, covered * np.prod(sides[:, 1] - sides[:, 0], axis=1)
 

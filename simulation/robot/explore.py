@@ -108,7 +108,8 @@ class _Explorer:
         rng, habits = self._rng, self._habits
         subject = None
         if len(self._sight.ids) and rng.random() > habits.to_room:
-            subject = self._draw_subject()
+            news = np.exp(-self._seen_s / _KNOWN_S) + 0.03
+            subject = int(rng.choice(len(news), p=news / news.sum()))
             goal = self._draw_spot_before(subject)
         else:
             goal = int(rng.integers(len(self._router.nodes_m)))
@@ -126,10 +127,6 @@ class _Explorer:
         if moves is None:
             return None
         return np.concatenate([*moves, *self._ending(moves[-1][-1], subject)])
-
-    def _draw_subject(self) -> int:
-        news = np.exp(-self._seen_s / _KNOWN_S) + 0.03
-        return int(self._rng.choice(len(news), p=news / news.sum()))
 
     def _draw_spot_before(self, subject: int) -> int | None:
         """A node at a good distance from a piece, most likely with a view of it."""

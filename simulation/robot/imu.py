@@ -125,7 +125,8 @@ def measured(
     moments = [lens(true_s + shift) for shift in (-_MOMENT_S, 0.0, _MOMENT_S)]
     (before, at_before), (turned, at), (after, at_after) = moments
     between = before.transpose(0, 2, 1) @ after
-    rates = _rotation_vectors(between) / (2.0 * _MOMENT_S)
+    turns = 0.5 * (between - between.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]  # rotation vectors of small rotations
+    rates = turns / (2.0 * _MOMENT_S)
     accelerations = (at_before - 2.0 * at + at_after) / _MOMENT_S**2
     forces = np.einsum("nij,ni->nj", turned, accelerations + [0.0, 0.0, GRAVITY_M_S2])
     late_s = rng.normal(0.0, errors.late_s)
@@ -152,8 +153,3 @@ def _lens(moved: CubicSpline, tilted: CubicSpline, mount: Mount, stamps_s: Array
         turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ lean(tilt)
         rotations[row], places[row] = turned @ optical, turned @ arm + [x, y, tilt[2]]
     return rotations, places
-
-
-def _rotation_vectors(rotations: Array) -> Array:
-    """Of small rotations (N, 3, 3), as vectors (N, 3)."""
-    return 0.5 * (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]

@@ -10,7 +10,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.inputs.drives.drive import SEEN_SIDE_PX
 from edgemap.simulation.apartment.apartment import Apartment
-from edgemap.simulation.apartment.layout import ALIVE, Placed
+from edgemap.simulation.apartment.layout import ALIVE
 from edgemap.simulation.render.mesh import Array
 
 CELL_M = 0.04
@@ -33,14 +33,16 @@ class PlanGrid:
         self.size_m = np.array([plan.width_m, plan.depth_m])
         columns, rows = (math.ceil(side / CELL_M) for side in self.size_m)
         x, y = np.meshgrid((np.arange(columns) + 0.5) * CELL_M, (np.arange(rows) + 0.5) * CELL_M)
-        self._centres = np.stack([x, y], axis=-1)
+        centres = np.stack([x, y], axis=-1)
         self.tops_m = np.zeros((rows, columns), dtype=np.float32)
         self.owner = np.zeros((rows, columns), dtype=np.int32)
         blocked = np.zeros((rows, columns), dtype=bool)
         for item in apartment.furniture:
             if item.z_m > _OVERHEAD_M:
                 continue
-            inside, top = self._covered(item), item.z_m + item.model.height_m
+            local = np.abs(item.pose_home_object.inverse().apply(centres))
+            inside = np.asarray((local <= [item.model.depth_m / 2.0, item.model.width_m / 2.0]).all(axis=-1))
+            top = item.z_m + item.model.height_m
             higher = inside & (self.tops_m < top)
             self.tops_m[higher], self.owner[higher] = top, item.id
             if item.z_m < _PASS_M:
@@ -63,10 +65,6 @@ class PlanGrid:
         rows, columns = self.tops_m.shape
         row = np.clip((points_m[..., 1] / CELL_M).astype(np.int64), 0, rows - 1)
         return row, np.clip((points_m[..., 0] / CELL_M).astype(np.int64), 0, columns - 1)
-
-    def _covered(self, item: Placed) -> NDArray[np.bool_]:
-        local = np.abs(item.pose_home_object.inverse().apply(self._centres))
-        return np.asarray((local <= [item.model.depth_m / 2.0, item.model.width_m / 2.0]).all(axis=-1))
 
 
 # Sample points of a piece in units of its half sides and its height: enough to distinguish a third from a half.

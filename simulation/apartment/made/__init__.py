@@ -8,6 +8,7 @@ show as many more as its `made` gives. The generators that drew them are in this
 import json
 import lzma
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -17,6 +18,7 @@ import numpy as np
 from edgemap.simulation.apartment.made import textures
 from edgemap.simulation.apartment.made.shapes import lofts, solids
 from edgemap.simulation.apartment.made.shapes.leaves import leaves
+from edgemap.simulation.apartment.textures import Texture
 from edgemap.simulation.render.mesh import Material, Mesh, Part, box, quad, triangles_of
 
 LIBRARY = "edgemap"
@@ -56,23 +58,21 @@ def _pieces(kind: str) -> dict[str, Any]:
 
 def _materials(entries: list[dict[str, Any]], seed: list[int]) -> list[Material]:
     """A piece's materials; those with one texture share it. seed: of its textures' noise, `draws` numbers on."""
-    drawn: dict[str, textures.Texture] = {}
-    for spec in (entry["texture"] for entry in entries if "texture" in entry):
-        if (key := json.dumps(spec)) not in drawn:
-            values = {name: value for name, value in spec.items() if name not in ("of", "draws")}
-            generator = np.random.PCG64(np.random.SeedSequence(seed)).advance(spec.get("draws", 0))
-            draw = textures.DRAWN.get(spec["of"])
-            drawn[key] = draw(np.random.Generator(generator), **values) if draw else textures.leaf(**values)
-    return [
-        Material(
-            tuple(entry["colour"]),
-            drawn[json.dumps(entry["texture"])] if "texture" in entry else None,
-            entry.get("opacity", 1.0),
-            entry.get("gloss", 0.0),
-            tuple(entry.get("emission", (0.0, 0.0, 0.0))),
-        )
-        for entry in entries
-    ]
+    drawn: dict[str, Texture] = {}
+    materials = []
+    for entry in entries:
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()
+        }
+        if spec := values.pop("texture", None):
+            if (key := json.dumps(spec)) not in drawn:
+                given = {name: value for name, value in spec.items() if name not in ("of", "draws")}
+                generator = np.random.PCG64(np.random.SeedSequence(seed)).advance(spec.get("draws", 0))
+                rng = [] if spec["of"] == "leaf" else [np.random.Generator(generator)]
+                drawn[key] = textures.DRAWN[spec["of"]](*rng, **given)
+            values["texture"] = drawn[key]
+        materials.append(Material(**values))
+    return materials
 
 
 def _shaped(shape: dict[str, Any], materials: list[Material]) -> list[Part]:
@@ -102,16 +102,9 @@ def _value(value: Any) -> Any:
     return value
 
 
-def _scaled(part: Part, about: np.ndarray, factor: np.ndarray) -> Part:
-    return Part(part.material, about + (part.positions - about) * factor, part.normals, part.uv)
-
-
-def _flipped(part: Part) -> Part:
-    return Part(part.material, part.positions[:, ::-1], -part.normals[:, ::-1], part.uv[:, ::-1])
-
-
-def _tiled(part: Part, repeat: np.ndarray) -> Part:
-    return Part(part.material, part.positions, part.normals, part.uv * repeat)
-
-
-_THEN: dict[str, Callable[..., Part]] = {"moved": Part.moved, "scaled": _scaled, "flipped": _flipped, "uv": _tiled}
+_THEN: dict[str, Callable[..., Part]] = {
+    "moved": Part.moved,
+    "scaled": lambda part, about, factor: replace(part, positions=about + (part.positions - about) * factor),
+    "flipped": lambda part: Part(part.material, part.positions[:, ::-1], -part.normals[:, ::-1], part.uv[:, ::-1]),
+    "uv": lambda part, repeat: replace(part, uv=part.uv * repeat),
+}
