@@ -83,8 +83,8 @@ class Studio:
 
     def _movers(self, stamp_s: float) -> tuple[Mover, ...]:
         return tuple(
-            Mover(FIRST_MOVER_ID + number, mesh, walker.pose_home(stamp_s))
-            for number, (mesh, walker) in enumerate(zip(self._people, self._world.walkers, strict=True))
+            Mover(number, mesh, SE2(*walker.motion.at(np.array([stamp_s]))[0]))
+            for number, (mesh, walker) in enumerate(zip(self._people, self._world.walkers, strict=True), FIRST_MOVER_ID)
         )
 
     def floor_labels(self, index: int) -> NDArray[np.uint8]:

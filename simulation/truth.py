@@ -32,7 +32,7 @@ def picture_boxes(
     """
     ids = frame.ids
     labels = {item.id: item.label for item in apartment.furniture if item.label}
-    labels |= {mover.id: mover.label for mover in movers if mover.label}
+    labels |= {mover.id: "person" for mover in movers}
     counts = np.bincount(ids.ravel())
     seen = [id_ for id_ in labels if id_ < len(counts) and counts[id_] >= _SMALLEST_PX]
     visible_px = renderer.visible_px(ids)

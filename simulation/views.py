@@ -48,7 +48,7 @@ def draw_views(apartment: Apartment, seed: int, count: int, close: float = 0.0, 
     """Views of the home of a seed; of the last ones, a share `close`, little or no floor is in view. carried: by
     cameras that a person carries, not by a robot's."""
     envelope, grid = CARRIED if carried else Envelope(), PlanGrid(apartment)
-    shown: dict[int, float] = {}
+    shown = np.zeros(len(apartment.furniture) + 1)
     views = []
     for number in range(count):
         rng = np.random.default_rng([seed, number, 6])
@@ -86,7 +86,8 @@ def _draw_close(grid: PlanGrid, camera: CameraSetup, rng: np.random.Generator) -
     return poses[int(np.argmin(seen.sum(axis=(1, 2))))]
 
 
-def _draw_pose(grid: PlanGrid, sight: VisibilityEstimate, shown: dict[int, float], rng: np.random.Generator) -> Array:
+def _draw_pose(grid: PlanGrid, sight: VisibilityEstimate, shown: Array, rng: np.random.Generator) -> Array:
+    """A pose that shows furniture. shown: how many views show each piece so far, by id."""
     poses = _draw_poses(grid, rng)
     if rng.random() < _UNCHOSEN:
         return poses[0]
@@ -96,10 +97,8 @@ def _draw_pose(grid: PlanGrid, sight: VisibilityEstimate, shown: dict[int, float
         towards = sight.middles_m[rng.integers(len(sight.ids), size=half)] - poses[:half, :2]
         poses[:half, 2] = np.arctan2(towards[:, 1], towards[:, 0]) + rng.normal(0.0, 0.3, half)
     seen = sight.shares(poses) > 0.3
-    worth = np.array([1.0 / (1.0 + shown.get(int(id_), 0.0)) for id_ in sight.ids])
-    best = int(np.argmax(seen @ worth + rng.uniform(0.0, 0.5, _PLACES)))
-    for id_ in sight.ids[seen[best]]:
-        shown[int(id_)] = shown.get(int(id_), 0.0) + 1.0
+    best = int(np.argmax(seen @ (1.0 / (1.0 + shown[sight.ids])) + rng.uniform(0.0, 0.5, _PLACES)))
+    shown[sight.ids[seen[best]]] += 1.0
     return poses[best]
 
 

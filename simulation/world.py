@@ -19,7 +19,7 @@ from edgemap.simulation.envelope import Envelope, light_of
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.people import Walker, draw_walkers
 from edgemap.simulation.render.mesh import placed
-from edgemap.simulation.render.scene import Scene, Solid
+from edgemap.simulation.render.scene import Scene
 from edgemap.simulation.robot.explore import Habits, drive
 from edgemap.simulation.robot.motion import Limits, Sampled
 from edgemap.simulation.robot.nodding import nodding_of
@@ -105,11 +105,11 @@ class World:
 def build_scene(apartment: Apartment, seed: int) -> Scene:
     """Everything to light and draw, ids as in `apartment.furniture`."""
     shell = build_shell(apartment.before or apartment, np.random.default_rng([seed, 1]))
-    solids = list(shell.solids)
-    for item in apartment.furniture:
-        mesh = furniture.piece(item.model, item.tint)
-        solids.append(Solid(item.id, placed(mesh, item.pose_home_object, item.z_m)))
-    return Scene(shell.surfaces, tuple(solids), shell.lights)
+    pieces = {
+        item.id: placed(furniture.piece(item.model, item.tint), item.pose_home_object, item.z_m)
+        for item in apartment.furniture
+    }
+    return replace(shell, solids=shell.solids | pieces)
 
 
 def draw_world(seed: int, frames: int, choices: Choices | None = None) -> World:
@@ -164,26 +164,22 @@ def _draw_drive(
 ) -> World | None:
     rng = np.random.default_rng([seed, home_seed, number, 1])
     camera = choices.camera or _ENVELOPE.draw_camera(rng)
-    if choices.mount is not None:
-        camera = replace(camera, mount=choices.mount)
-    camera = replace(camera, rate_hz=choices.rate_hz or camera.rate_hz)
+    camera = replace(camera, mount=choices.mount or camera.mount, rate_hz=choices.rate_hz or camera.rate_hz)
     light = light_of(choices.light, rng) if choices.light else _ENVELOPE.draw_light(rng)
     effects = choices.effects or _ENVELOPE.draw_effects(rng, light)
     limits = choices.limits or _ENVELOPE.draw_limits(rng)
     drawn = int(rng.choice(len(_ENVELOPE.people), p=_ENVELOPE.people))
     sight = VisibilityEstimate(apartment, grid, camera.intrinsics, camera.mount)
-    way = [seed, home_seed, number, 2, *turn]
+    way, seconds = [seed, home_seed, number, 2, *turn], frames / camera.rate_hz
     try:
         motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S, choices.habits)
         if choices.contract and not _fulfils(motion, sight):
             return None
-        seconds = frames / camera.rate_hz + _SPARE_S
-        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds, choices.habits)
+        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds + _SPARE_S, choices.habits)
     except SimulationError:
         return None
     people = drawn if choices.people is None else choices.people
     models = furniture.people(purpose_of(home_seed))
-    seconds = frames / camera.rate_hz
     walkers = draw_walkers(grid, models, people, motion, seconds, (seed, home_seed, number, 5, *turn))
     return World(seed, home_seed, apartment, camera, effects, light, motion, frames, walkers)
 

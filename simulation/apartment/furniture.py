@@ -128,7 +128,12 @@ def catalogue() -> dict[str, Model]:
         for word, number, value in re.findall(r"^(\w+)#(\d+)\s*[=:]\s*(.*?)\s*$", text, re.MULTILINE):
             entries.setdefault(int(number), {})[word] = value
         for entry in entries.values():
-            model = _model(library, entry)
+            width, depth, height = (float(entry[side]) / 100.0 for side in ("width", "depth", "height"))
+            rotation = tuple(float(number) for number in entry.get("modelRotation", "1 0 0 0 1 0 0 0 1").split())
+            creator, path = entry.get("creator", library), entry["model"].lstrip("/")
+            elevation = float(entry.get("elevation", 0.0)) / 100.0
+            top = max(float(entry.get("dropOnTopElevation", entry["height"])) / 100.0, 0.0)
+            model = Model(library, entry["name"], creator, path, width, depth, height, rotation, elevation, top)
             models.setdefault(model.key, model)
     return models
 
@@ -212,13 +217,3 @@ def _archive(library: str) -> zipfile.ZipFile:
     if not path.exists():
         raise SimulationError(f"{path} is missing: apt-get install sweethome3d-furniture")
     return zipfile.ZipFile(path)
-
-
-def _model(library: str, entry: dict[str, str]) -> Model:
-    width, depth, height = (float(entry[side]) / 100.0 for side in ("width", "depth", "height"))
-    rotation = tuple(float(number) for number in entry.get("modelRotation", "1 0 0 0 1 0 0 0 1").split())
-    creator = entry.get("creator", library)
-    elevation = float(entry.get("elevation", 0.0)) / 100.0
-    top = max(float(entry.get("dropOnTopElevation", entry["height"])) / 100.0, 0.0)
-    path = entry["model"].lstrip("/")
-    return Model(library, entry["name"], creator, path, width, depth, height, rotation, elevation, top)

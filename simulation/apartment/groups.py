@@ -54,9 +54,8 @@ def small_items(home: Layout, support: Placed, room: RoomArea, count: int, vases
 
 def kitchen(home: Layout, room: RoomArea) -> None:
     """A row along one wall: cabinets, oven, sink and refrigerator side by side, cabinets on the wall above."""
-    sides = [SIDES[i] for i in home.rng.permutation(4)]
-    rows = sorted((_row_length(home, room, side) for side in sides), reverse=True)
-    side = rows[0][1]
+    home.rng.permutation(4)  # an order of the walls that decides nothing any more, but what is drawn after it
+    side = max(SIDES, key=lambda side: (_row_length(home, room, side), side))
     kinds = ["refrigerator", "lower cabinet", "oven", "sink cabinet", "lower cabinet", "lower cabinet"]
     _row(home, room, side, kinds if home.chance(0.5) else kinds[::-1])
     for kind in ("refrigerator", "oven"):
@@ -70,14 +69,14 @@ def kitchen(home: Layout, room: RoomArea) -> None:
     home.some(room, home.in_corner, potted_plant=0.5)
 
 
-def _row_length(home: Layout, room: RoomArea, side: str) -> tuple[float, str]:
+def _row_length(home: Layout, room: RoomArea, side: str) -> float:
     """Length of a wall without its doorways."""
     low, high, face = room.wall(side)
     for door in home.plan.doorways:
         spans = (door.y0, door.y1) if side in {"near", "far"} else (door.x0, door.x1)
         if min(abs(face - spans[0]), abs(face - spans[1])) < 0.02:
-            return (high - low) / 2.0, side
-    return high - low, side
+            return (high - low) / 2.0
+    return high - low
 
 
 def _row(home: Layout, room: RoomArea, side: str, kinds: list[str]) -> None:

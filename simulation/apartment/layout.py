@@ -155,13 +155,14 @@ class Layout:
             if self.chance(chance):
                 place(kind.replace("_", " "), room)
 
-    def in_corner(self, kind: str, room: RoomArea, turned: bool = True) -> Placed | None:
-        """Places a model in a corner, at a random yaw or facing the room."""
+    def in_corner(self, kind: str, room: RoomArea) -> Placed | None:
+        """Places a model in a corner: seats face the room, all else has a random yaw."""
+        turned = furniture.kinds()[kind].label != "chair"
         for _ in range(_TRIES):
             model = self.model(kind)
             reach = math.hypot(model.width_m, model.depth_m) / 2.0 if turned else model.width_m / 2.0
             reach += self.uniform(0.02, 0.12)
-            left, near = self.rng.random() < 0.5, self.rng.random() < 0.5
+            left, near = self.chance(0.5), self.chance(0.5)
             x = room.x0 + reach if left else room.x1 - reach
             y = room.y0 + reach if near else room.y1 - reach
             yaw = self.uniform(-math.pi, math.pi)

@@ -83,8 +83,7 @@ def _dining(home: Layout, room: RoomArea) -> None:
     home.some(room, home.against_wall, bookcase=0.4)
     for _ in range(home.count(1, 2)):
         home.in_corner("potted plant", room)
-    if home.chance(0.4):
-        home.in_corner("armchair", room, turned=False)
+    home.some(room, home.in_corner, armchair=0.4)
 
 
 def _bedroom(home: Layout, room: RoomArea) -> None:
@@ -104,8 +103,7 @@ def _bedroom(home: Layout, room: RoomArea) -> None:
             home.on_top("tv", drawers, room, 0.1, back=True) if home.chance(0.5) else small_items(
                 home, drawers, room, 2
             )
-    if home.chance(0.4):
-        home.in_corner("armchair", room, turned=False)
+    home.some(room, home.in_corner, armchair=0.4)
     home.by_wall("potted plant", room)
     home.some(room, home.by_wall, suitcase=0.6, backpack=0.6)
 
@@ -115,7 +113,7 @@ def _study(home: Layout, room: RoomArea) -> None:
     home.some(room, home.against_wall, bookcase=0.9)
     home.some(room, home.against_wall, bookcase=0.5, drawers=0.3, radiator=0.5)
     if home.chance(0.5):
-        home.in_corner("armchair", room, turned=False)
+        home.in_corner("armchair", room)
     elif home.chance(0.6):
         home.against_wall("couch", room)
     home.some(room, home.by_wall, backpack=0.5)

@@ -6,7 +6,7 @@ from edgemap.simulation.apartment import decor, openings
 from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.plan import ApartmentPlan, Rectangle, RoomArea, turned
 from edgemap.simulation.render.mesh import Array, Material, Mesh
-from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Scene, Solid, Surface
+from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Scene, Surface
 
 _CEILING = Material((0.84, 0.84, 0.82))
 _SKIRTING_DEPTH_M = 0.014
@@ -49,7 +49,7 @@ def build_shell(apartment: Apartment, rng: np.random.Generator) -> Scene:
         lights.append(light)
         solid += mesh
     solid += decor.pictures(apartment, rng)
-    return Scene(tuple(surfaces), (Solid(ROOM_ID, solid),), tuple(lights))
+    return Scene(tuple(surfaces), {ROOM_ID: solid}, tuple(lights))
 
 
 def wall_pieces(plan: ApartmentPlan, room: RoomArea, side: str) -> list[tuple[float, float, float]]:

@@ -21,23 +21,19 @@ class Boxes:
     """Upright boxes: oriented rectangles (4, 2) counter-clockwise, from a low to a high z, each with a number."""
 
     def __init__(self) -> None:
-        self._corners: Array = np.zeros((0, 4, 2))
-        self._spans: Array = np.zeros((0, 2))
-        self._numbers: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+        self._boxes: list[tuple[Array, float, float, int]] = []
 
     def add(self, corners: Array, low_m: float, high_m: float, number: int) -> None:
         """One more box."""
-        self._corners = np.concatenate([self._corners, corners[None]])
-        self._spans = np.concatenate([self._spans, [[low_m, high_m]]])
-        self._numbers = np.append(self._numbers, number)
+        self._boxes.append((corners, low_m, high_m, number))
 
     def meets(self, corners: Array, low_m: float, high_m: float, ignore: int = -1) -> bool:
         """Whether a box overlaps any of them, that of the number to ignore apart (separating axes)."""
-        near = (self._spans[:, 0] < high_m - 1e-4) & (self._spans[:, 1] > low_m + 1e-4)
-        near &= self._numbers != ignore
-        others = self._corners[near]
-        if not len(others):
+        low_m, high_m = low_m + 1e-4, high_m - 1e-4
+        near = [box for box, low, high, number in self._boxes if low < high_m and high > low_m and number != ignore]
+        if not near:
             return False
+        others = np.array(near)
         apart = np.zeros(len(others), dtype=bool)
         own = np.diff(corners[:3], axis=0)
         for axis in own:

@@ -2,7 +2,6 @@
 
 import math
 from functools import cache
-from typing import Any
 
 import cv2
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.render.view import NO_MAP
 
 # Flow below this many pixels changes nothing that one sees.
 _LEAST_PX = 1.0
@@ -18,8 +18,6 @@ _MOST_SAMPLES = 9
 # The flow is smooth but for outlines: it is worked out on every fourth pixel.
 _COARSE = 4
 _FAR_M = 8.0
-# cv2.remap's second map, which its first one makes superfluous.
-_NO_MAP: Any = None
 
 
 def optical_twist(velocity: Array, mount: Mount) -> tuple[Array, Array]:
@@ -81,6 +79,6 @@ def exposed(
     total = np.zeros(picture.shape, dtype=np.float32)
     for moment_s in moments_s:
         source = start - flow * np.float32(moment_s)
-        seen = cv2.remap(picture, source, _NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        seen = cv2.remap(picture, source, NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         cv2.accumulate(seen, total)
     return np.asarray(cv2.convertScaleAbs(total, alpha=1.0 / count), dtype=np.uint8)

@@ -54,7 +54,6 @@ class RenderTarget:
         self._square = self.context.vertex_array(
             self._shadow, [(self.context.buffer(square.tobytes()), "2f", "corner")]
         )
-        self.white = self._uploaded(np.full((16, 16, 4), 255, dtype=np.uint8))
 
     def program(self, needs: frozenset[str]) -> Any:
         """The program that draws surfaces with these needs. It is compiled at the first call."""
@@ -65,10 +64,8 @@ class RenderTarget:
                     made[name] = unit
         return self._programs[needs]
 
-    def texture(self, image: NDArray[np.uint8] | None) -> Any:
-        """The OpenGL texture of an image (H, W, 4), sRGB. It is uploaded once. White for None."""
-        if image is None:
-            return self.white
+    def texture(self, image: NDArray[np.uint8]) -> Any:
+        """The OpenGL texture of an image (H, W, 4), sRGB. It is uploaded once."""
         if id(image) not in self._textures:
             # The image is kept too, so that its id is not reused.
             self._textures[id(image)] = image, self._uploaded(image)
@@ -86,10 +83,6 @@ class RenderTarget:
         """A framebuffer (width, height) with 8-bit components and an optional depth buffer."""
         colour = self.context.renderbuffer(size, components)
         return self.context.framebuffer(colour, self.context.depth_renderbuffer(size) if depth else None)
-
-    def close(self) -> None:
-        """Releases the context."""
-        self.context.release()
 
     def _uploaded(self, image: NDArray[np.uint8]) -> Any:
         """A texture with mipmaps. Its sides are powers of two, because Mesa compiles each shader again for each kind of
@@ -117,35 +110,17 @@ class Meshes:
         self._indices = canvas.context.buffer(packed.indices.tobytes())
 
     def array(self, program: Any) -> Any:
-        """The vertex array that feeds a program."""
+        """The vertex array that feeds a program. Attributes that it does not read are padding in moderngl's format."""
         if program.glo not in self._arrays:
-            names = [name for name in self.packed.vertices.dtype.names or () if name in program]
+            dtype = self.packed.vertices.dtype
+            parts = {name: dtype[name] for name in dtype.names or ()}
+            kinds = {name: f"{part.shape[0]}f{part.base.itemsize}" for name, part in parts.items()} | THREE_OF_FOUR
+            read = " ".join(kinds[name] if name in program else f"{part.itemsize}x" for name, part in parts.items())
+            content = (self.vertices, read, *(name for name in parts if name in program))
             self._arrays[program.glo] = self._canvas.context.vertex_array(
-                program, [(self.vertices, self._format(set(names)), *names)], self._indices, index_element_size=4
+                program, [content], self._indices, index_element_size=4
             )
         return self._arrays[program.glo]
-
-    def _format(self, used: set[str]) -> str:
-        """moderngl's format of the vertices, with padding for attributes that the program does not read."""
-        dtype = self.packed.vertices.dtype
-        parts = {name: dtype[name] for name in dtype.names or ()}
-        kinds = {name: f"{part.shape[0]}f{part.base.itemsize}" for name, part in parts.items()} | THREE_OF_FOUR
-        return " ".join(kinds[name] if name in used else f"{part.itemsize}x" for name, part in parts.items())
-
-
-def depth_of(target: Any) -> NDArray[np.float32]:
-    """The depth buffer of a framebuffer, (rows, columns), 0..1, as OpenGL stores it."""
-    width, height = target.size
-    raw = target.read(components=1, attachment=-1, dtype="f4", alignment=1)
-    return np.frombuffer(raw, dtype=np.float32).reshape(height, width)
-
-
-def release(target: Any) -> None:
-    """Releases a framebuffer and its pixels."""
-    for buffer in (*target.color_attachments, target.depth_attachment):
-        if buffer is not None:
-            buffer.release()
-    target.release()
 
 
 @dataclass(frozen=True, slots=True)

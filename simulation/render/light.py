@@ -63,7 +63,7 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
     reflecting = [surface.reflector(first) for surface, first in zip(surfaces, starts[:-2], strict=True)]
     reflecting.append(solids.reflector(starts[-1]))
     tracer = Raytracer(np.concatenate([part.triangles for part in reflecting]))
-    trim = Raytracer(np.concatenate([triangles_of(solid.mesh) for solid in scene.solids if solid.id == ROOM_ID]))
+    trim = Raytracer(triangles_of(scene.solids[ROOM_ID]))
     # All in one go: most surfaces are too small to be shared out to the processors by themselves.
     everywhere = Points.joined([*(surface.fine for surface in surfaces), air, solids.points])
     ends = np.cumsum([len(surface.fine) for surface in surfaces], dtype=np.int64)

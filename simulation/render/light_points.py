@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from edgemap.simulation.render.mesh import Array, Part, subdivided, triangles_of, welded
+from edgemap.simulation.render.mesh import Array, Mesh, Part, subdivided, triangles_of, welded
 from edgemap.simulation.render.raytracer import Raytracer
-from edgemap.simulation.render.scene import Light, LitPart, Scene, Solid, Surface
+from edgemap.simulation.render.scene import Light, LitPart, Scene, Surface
 
 _REFLECTOR_M, _PROBE_STEP_M, _PROBE_HEIGHT_M, _PROBE_LEVELS = 0.25, 0.6, 0.15, 4
 _MOST_TEXELS = 1000  # of a light map's side; the atlas holds no more
@@ -64,11 +64,10 @@ class SurfacePoints:
 
     def hide(self, trim: Raytracer, reach_m: float) -> None:
         """Leave out the texels that trim (skirting, frames) covers, for their darkness would show beside it."""
-        ends = self.fine.positions + self.fine.normals * np.float32(reach_m)
-        self._open = trim.visible(self.fine.positions, self.fine.normals, ends).reshape(self.shape)
-        ends = self.coarse.positions + self.coarse.normals * np.float32(reach_m)
-        shown = trim.visible(self.coarse.positions, self.coarse.normals, ends)
-        self._coarse_open = shown.reshape(self.coarse_shape)
+        self._open, self._coarse_open = (
+            trim.visible(p.positions, p.normals, p.positions + p.normals * np.float32(reach_m)).reshape(shape)
+            for p, shape in ((self.fine, self.shape), (self.coarse, self.coarse_shape))
+        )
 
     def coarsened(self, light: Light) -> Light:
         """Light at coarse texels (M, 6) from that at fine ones (N, 6)."""
@@ -109,8 +108,8 @@ class SolidPoints:
     """Light points of solids: one corner for all corners of a solid near it that face the same way; both its sides.
     points: all fronts, then all backs."""
 
-    def __init__(self, solids: Sequence[Solid], spacing_m: float, cluster_m: float) -> None:
-        self._parts = [(solid.id, _fine(part, spacing_m)) for solid in solids for part in solid.mesh]
+    def __init__(self, solids: dict[int, Mesh], spacing_m: float, cluster_m: float) -> None:
+        self._parts = [(id_, subdivided(part, spacing_m)) for id_, mesh in solids.items() for part in mesh]
         self._cluster_m = cluster_m
         positions, normals = (
             np.concatenate([getattr(part, name).reshape(-1, 3) for _, part in self._parts]).astype(np.float32)
@@ -183,11 +182,6 @@ def probe_grid(scene: Scene) -> tuple[Array, Array, tuple[int, int, int], Points
     positions, normals = np.repeat(at, 6, axis=0), np.tile(faces, (len(at), 1))
     none = np.zeros((len(positions), 2), dtype=np.float32)
     return corner, step, shape, Points(positions.astype(np.float32), normals.astype(np.float32), none)
-
-
-def _fine(part: Part, longest_m: float) -> Part:
-    edges = part.positions[:, [1, 2, 0]] - part.positions
-    return subdivided(part, longest_m) if (edges * edges).sum(axis=2).max(initial=0.0) > longest_m**2 else part
 
 
 def _reflectance(part: Part) -> Array:

@@ -129,8 +129,6 @@ def subdivided(part: Part, longest_m: float) -> Part:
         long = edges.max(axis=1) > longest_m
         done.append(rows[~long])
         rows, edges = rows[long], edges[long]
-        if not len(rows):
-            break
         at, first = np.arange(len(rows)), edges.argmax(axis=1)
         a, b, c = rows[at, first], rows[at, (first + 1) % 3], rows[at, (first + 2) % 3]
         middle = (a + b) / 2.0

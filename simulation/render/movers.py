@@ -1,6 +1,5 @@
 """Moving objects in a lit home: rigid meshes, sent to OpenGL once, placed and lit for every picture."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,13 +21,12 @@ class Mover:
     """A mesh at a pose for one picture. id: its value in the id picture, distinct from the furniture's.
 
     mesh: in the mover's frame (x ahead, y left, z up from the floor, metres); keep one object per shape, since a new
-    mesh is sent to the graphics system again. label: of its boxes.
+    mesh is sent to the graphics system again.
     """
 
     id: int
     mesh: Mesh
     pose_home_mover: SE2
-    label: str = "person"
 
     @property
     def matrix_home_mover(self) -> Array:
@@ -37,13 +35,6 @@ class Mover:
         matrix[:2, :2] = self.pose_home_mover.rotation()
         matrix[:2, 3] = self.pose_home_mover.x_m, self.pose_home_mover.y_m
         return matrix
-
-
-def stand(points: Array) -> tuple[float, float, float, float]:
-    """Floor contact of a mover with points (N, 3), with a margin: middle and half sides (x, y, a, b), metres."""
-    low = points[points[:, 2] < points[:, 2].min() + _FOOT_M, :2]
-    middle, half = (low.min(axis=0) + low.max(axis=0)) / 2.0, (low.max(axis=0) - low.min(axis=0)) / 2.0 + _SHADOW_M
-    return float(middle[0]), float(middle[1]), float(half[0]), float(half[1])
 
 
 def mid_air_light(probes: Probes, points: Array, normals: Array) -> Array:
@@ -96,7 +87,9 @@ class Moving:
         points = self.meshes(mover.mesh).packed.vertices["position"].astype(np.float64)
         return points @ home_mover[:3, :3].T + home_mover[:3, 3]
 
-    def shadows(self, clip: Array, movers: Iterable[Mover]) -> list[tuple[Array, tuple[float, float, float, float]]]:
-        """Inputs of `RenderTarget.shadow`: a clip matrix per mover, and its floor contact."""
-        feet = ((mover, self.meshes(mover.mesh).packed.vertices["position"]) for mover in movers)
-        return [(clip @ mover.matrix_home_mover, stand(points)) for mover, points in feet]
+    def stand(self, mover: Mover) -> tuple[float, float, float, float]:
+        """Its floor contact, with a margin: middle and half sides (x, y, a, b), metres in the mover's frame."""
+        points = self.meshes(mover.mesh).packed.vertices["position"]
+        low = points[points[:, 2] < points[:, 2].min() + _FOOT_M, :2]
+        middle, half = (low.min(axis=0) + low.max(axis=0)) / 2.0, (low.max(axis=0) - low.min(axis=0)) / 2.0 + _SHADOW_M
+        return float(middle[0]), float(middle[1]), float(half[0]), float(half[1])

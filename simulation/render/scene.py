@@ -47,14 +47,6 @@ class Surface(Rectangle):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solid:
-    """A mesh in place, lit at its vertices. id: what the id picture shows; ROOM_ID for parts of the room itself."""
-
-    id: int
-    mesh: Mesh
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class AreaLight(Rectangle):
     """A glowing rectangle. radiance: linear (3,). group: what it is switched with, the day outside or the lamps."""
 
@@ -77,10 +69,11 @@ class LightMix:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """All visible geometry and its lights."""
+    """All visible geometry and its lights. solids: meshes in place, lit at their vertices, by what the id picture
+    shows of them; ROOM_ID for parts of the room itself."""
 
     surfaces: tuple[Surface, ...]
-    solids: tuple[Solid, ...]
+    solids: dict[int, Mesh]
     lights: tuple[AreaLight, ...]
 
 

@@ -62,10 +62,8 @@ def zoomed(clip_home: Array, box: NDArray[np.float64], pinhole: Intrinsics) -> A
     """A clip matrix that fills the viewport with a window (x0, y0, x1, y1) px of the picture."""
     size = np.array([pinhole.width, pinhole.height])
     low, high = box[:2] / size * 2.0 - 1.0, box[2:] / size * 2.0 - 1.0
-    zoom = np.eye(4)
-    for axis in range(2):
-        zoom[axis, axis] = 2.0 / (high[axis] - low[axis])
-        zoom[axis, 3] = -(high[axis] + low[axis]) / (high[axis] - low[axis])
+    zoom = np.diag([*(2.0 / (high - low)), 1.0, 1.0])
+    zoom[:2, 3] = -(high + low) / (high - low)
     return zoom @ clip_home
 
 
@@ -116,9 +114,10 @@ class Wholes:
         program: Any = self._canvas.silhouette
         program["clip_home"].write(clip.T.astype("f4").tobytes())
         for batch in batches:
-            program["holes"] = "HOLES" in batch.needs
-            if "HOLES" in batch.needs:
-                self._canvas.texture(batch.material.texture).use(0)
+            image = batch.material.texture if "HOLES" in batch.needs else None
+            program["holes"] = image is not None
+            if image is not None:
+                self._canvas.texture(image).use(0)
             meshes.array(program).render(vertices=batch.count, first=batch.first)
 
 

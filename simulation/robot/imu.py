@@ -114,7 +114,18 @@ def imu_samples(
     moved = CubicSpline(np.arange(len(smooth)) * SAMPLE_S, smooth)
     leaned = np.zeros_like(smooth) if tilts is None else gaussian_filter1d(tilts.samples, 1.0, axis=0)
     tilted = CubicSpline(np.arange(len(leaned)) * SAMPLE_S, leaned)
-    return measured(true_s, lambda stamps_s: _lens(moved, tilted, mount, np.maximum(stamps_s, 0.0)), rng, errors)
+    optical, arm = mount.rotation_base_optical(), mount.position_base_m()
+
+    def lens(stamps_s: Array) -> tuple[Array, Array]:
+        at_s = np.maximum(stamps_s, 0.0)
+        rotations, places = np.zeros((len(at_s), 3, 3)), np.zeros((len(at_s), 3))
+        for row, ((x, y, yaw), tilt) in enumerate(zip(moved(at_s), tilted(at_s), strict=True)):
+            c, s = math.cos(yaw), math.sin(yaw)
+            turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ lean(tilt)
+            rotations[row], places[row] = turned @ optical, turned @ arm + [x, y, tilt[2]]
+        return rotations, places
+
+    return measured(true_s, lens, rng, errors)
 
 
 def measured(
@@ -142,14 +153,3 @@ def measured(
         drift = np.cumsum(steps[:, 3:], axis=0) * walk / math.sqrt(errors.rate_hz)
         found.append(true @ axes.T + offset + drift + steps[:, :3] * density * math.sqrt(errors.rate_hz))
     return ImuSamples(true_s + max(late_s, 0.0), *found)
-
-
-def _lens(moved: CubicSpline, tilted: CubicSpline, mount: Mount, stamps_s: Array) -> tuple[Array, Array]:
-    """Rotation (N, 3, 3) from optical to home axes, and place (N, 3) of the lens."""
-    rotations, places = np.zeros((len(stamps_s), 3, 3)), np.zeros((len(stamps_s), 3))
-    optical, arm = mount.rotation_base_optical(), mount.position_base_m()
-    for row, ((x, y, yaw), tilt) in enumerate(zip(moved(stamps_s), tilted(stamps_s), strict=True)):
-        c, s = math.cos(yaw), math.sin(yaw)
-        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ lean(tilt)
-        rotations[row], places[row] = turned @ optical, turned @ arm + [x, y, tilt[2]]
-    return rotations, places

@@ -202,7 +202,7 @@ def test_every_room_has_a_lamp_and_every_window_daylight(built):
 
 def test_panes_glow_with_the_day_and_lamps_with_the_lamps(built):
     _, parts = built
-    glowing = [p.material for s in parts.solids for p in s.mesh if max(p.material.emission) > 0.0]
+    glowing = [p.material for mesh in parts.solids.values() for p in mesh if max(p.material.emission) > 0.0]
     assert {material.group for material in glowing} == {"day", "lamp"}
 
 

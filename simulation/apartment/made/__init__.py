@@ -29,12 +29,9 @@ _SHAPES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
         solids.beam, solids.rod, solids.rounded, solids.cushion, solids.padded, lofts.surface, lofts.loft, lofts.lathe,
-        lofts.sheet, box, quad, leaves,
+        lofts.sheet, box, quad, leaves, lofts.oval, lofts.raised, lofts.rectangle,
     )
 }  # fmt: skip
-_OUTLINES: dict[str, Callable[..., Any]] = {
-    function.__name__: function for function in (lofts.oval, lofts.raised, lofts.rectangle)
-}
 
 
 def made(name: str) -> Mesh:
@@ -96,7 +93,7 @@ def _shaped(shape: dict[str, Any], materials: list[Material]) -> list[Part]:
 def _value(value: Any) -> Any:
     """A list of numbers as an array, {"of": outline, its arguments} as its points, a list of those as one of arrays."""
     if isinstance(value, dict):
-        return _OUTLINES[value["of"]](**{name: _value(part) for name, part in value.items() if name != "of"})
+        return _SHAPES[value["of"]](**{name: _value(part) for name, part in value.items() if name != "of"})
     if isinstance(value, list):
         return [_value(part) for part in value] if isinstance(value[0], dict) else np.array(value)
     return value

@@ -17,13 +17,10 @@ def rounded(low: ArrayLike, high: ArrayLike, material: Material, radius: float, 
     first, second, along = _PLANES[axis]
     edge = min(edge, size.min() / 2.0 - 1e-4)
     turn = np.linspace(0.0, np.pi / 2.0, 4)
-    insets = edge * (1.0 - np.sin(turn))
-    rises = edge * (1.0 - np.cos(turn))
+    insets, rises = edge * (1.0 - np.sin(turn)), edge * (1.0 - np.cos(turn))
+    heights = [*rises, *(size[along] - rises)[::-1]]
     rings = []
-    for inset, height in [
-        *zip(insets, rises, strict=True),
-        *zip(insets[::-1], (size[along] - rises)[::-1], strict=True),
-    ]:
+    for inset, height in zip([*insets, *insets[::-1]], heights, strict=True):
         flat = rectangle(size[first] - 2.0 * inset, size[second] - 2.0 * inset, radius - inset)
         ring = np.empty((len(flat), 3))
         ring[:, first], ring[:, second] = flat[:, 0] + middle[first], flat[:, 1] + middle[second]
