@@ -102,11 +102,8 @@ class Envelope:
 
     def draw_limits(self, rng: np.random.Generator) -> Limits:
         """Random speed and acceleration limits of the robot."""
-        return Limits(
-            speed_m_s=rng.uniform(*self.speed_m_s),
-            acceleration_m_s2=rng.uniform(*self.acceleration_m_s2),
-            yaw_rate_rad_s=rng.uniform(*self.yaw_rate_rad_s),
-        )
+        names = ("speed_m_s", "acceleration_m_s2", "yaw_rate_rad_s")
+        return Limits(**{name: rng.uniform(*getattr(self, name)) for name in names})
 
     def _draw_distortion(self, rng: np.random.Generator, focal_px: float) -> Distortion:
         if rng.random() >= self.distorted:

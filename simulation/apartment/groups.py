@@ -10,7 +10,6 @@ from edgemap.simulation.apartment.plan import RoomArea
 
 def dining_group(home: Layout, room: RoomArea) -> None:
     """A table with two to six like chairs round it: pushed in, pulled out, askew."""
-    table = None
     for attempt in range(40):
         model = home.model("dining table")
         x = home.uniform(room.x0 + 0.7, room.x1 - 0.7)
@@ -20,7 +19,7 @@ def dining_group(home: Layout, room: RoomArea) -> None:
         table = home.put("dining table", model, room, SE2(x, y, yaw), spare_m=(0.6 - 0.013 * attempt, 0.0))
         if table is not None:
             break
-    if table is None:
+    else:
         return
     _chairs(home, table, room)
     small_items(home, table, room, home.count(0, 4), vases=0.45)

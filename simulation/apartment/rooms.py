@@ -31,14 +31,13 @@ def _living(home: Layout, room: RoomArea) -> None:
 def _seating(home: Layout, room: RoomArea) -> None:
     """Sofa on one wall, television across the room, armchairs beside the sofa or facing it."""
     sides = [SIDES[i] for i in home.rng.permutation(4)]
-    sofa = None
     for side in sides:
-        sofa = sofa or home.against_wall("couch" if home.chance(0.85) else "corner couch", room, [side])
+        sofa = home.against_wall("couch" if home.chance(0.85) else "corner couch", room, [side])
         if sofa is not None:
-            _television(home, room, _OPPOSITE[side])
             break
-    if sofa is None:
+    else:
         return
+    _television(home, room, _OPPOSITE[side])
     if home.chance(0.6):
         table = home.before("coffee table", sofa, room, home.uniform(0.32, 0.45))
         if table is not None:
@@ -63,9 +62,8 @@ def _facing(home: Layout, kind: str, anchor: Placed, room: RoomArea) -> None:
 
 def _television(home: Layout, room: RoomArea, side: str) -> None:
     if home.chance(0.75):
-        stand = home.against_wall("tv stand", room, [side], above_m=0.8) or home.against_wall(
-            "tv stand", room, above_m=0.8
-        )
+        stand = home.against_wall("tv stand", room, [side], above_m=0.8)
+        stand = stand or home.against_wall("tv stand", room, above_m=0.8)
         if stand is not None:
             home.on_top("tv", stand, room, spread=0.1, back=True)
             if home.chance(0.4):
