@@ -77,6 +77,7 @@ def write_floor_plan(world: World, folder: Path) -> None:
     and highest point; walls contain open door leaves. Raises DiskError.
     """
     pose_map_home, plan = world.poses()[0].inverse(), world.apartment.plan
+    names = [f"room-{number}" for number in range(1, len(plan.rooms) + 1)]
 
     def corners(points: Array) -> list[list[float]]:
         return np.round(pose_map_home.apply(points), 4).tolist()
@@ -89,13 +90,13 @@ def write_floor_plan(world: World, folder: Path) -> None:
         "frame": "map",
         "walls": [{"corners_m": rectangle(wall)} for wall in plan.walls],
         "rooms": [
-            {"id": f"room-{number}", "kind": room.kind, "corners_m": rectangle(room.rectangle)}
-            for number, room in enumerate(plan.rooms, 1)
+            {"id": name, "kind": room.kind, "corners_m": rectangle(room.rectangle)}
+            for name, room in zip(names, plan.rooms, strict=True)
         ],
         "doorways": [
             {
                 "id": f"door-{number}",
-                "rooms": [f"room-{room + 1}" for room in door.rooms],
+                "rooms": [names[room] for room in door.rooms],
                 "corners_m": rectangle(door.rectangle),
             }
             for number, door in enumerate(plan.doorways, 1)

@@ -7,19 +7,10 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from edgemap.simulation.apartment.plan import (
-    DOOR_HEIGHT_M,
-    WALL_M,
-    ApartmentPlan,
-    Doorway,
-    Rectangle,
-    RoomArea,
-    Window,
-    turned,
-)
+from edgemap.simulation.apartment.plan import WALL_M, ApartmentPlan, Doorway, Rectangle, RoomArea, Window, turned
 
 _HOMES = tomllib.loads(resources.files("edgemap.simulation.apartment").joinpath("homes.toml").read_text())
-LEAF_M = 0.04
+_LEAF_M, _DOOR_HEIGHT_M = 0.04, 2.05
 _NARROWEST_DOORWAY_M, _WIDEST_DOORWAY_M, _WIDEST_OPENING_M = 0.88, 1.05, 1.7
 _CORNER_M = 0.12
 
@@ -116,7 +107,7 @@ def _doorway(rooms: tuple[RoomArea, ...], a: int, b: int, height_m: float, rng: 
     # Doors sit near the end of a wall more often than in its middle, which leaves room for furniture.
     along = float(rng.choice([rng.uniform(0.0, 0.15), rng.uniform(0.85, 1.0), rng.uniform(0.0, 1.0)]))
     start = low + _CORNER_M + along * (high - low - width - 2 * _CORNER_M)
-    top = height_m if is_open and rng.random() < 0.4 else DOOR_HEIGHT_M
+    top = height_m if is_open and rng.random() < 0.4 else _DOOR_HEIGHT_M
     return Doorway(*turned((face, start, face + WALL_M, start + width), not across_x), (a, b), leaf, top)
 
 
@@ -125,7 +116,7 @@ def _leaf(rooms: tuple[RoomArea, ...], door: Doorway, rng: np.random.Generator) 
     room = rooms[door.rooms[int(rng.integers(2))]]
     at_low = bool(rng.random() < 0.5)
     near, start, far, end = turned(door.rectangle, not door.across_x)
-    low, high = (start - LEAF_M, start) if at_low else (end, end + LEAF_M)
+    low, high = (start - _LEAF_M, start) if at_low else (end, end + _LEAF_M)
     beyond = turned(room.rectangle, not door.across_x)[0] >= far
     near, far = (far, far + (end - start)) if beyond else (near - (end - start), near)
     return turned((near, low, far, high), not door.across_x)

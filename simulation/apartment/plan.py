@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 Rectangle = tuple[float, float, float, float]
 WALL_M = 0.12
-DOOR_HEIGHT_M = 2.05
 
 
 def turned(rectangle: Rectangle, turn: bool) -> Rectangle:
@@ -61,7 +60,7 @@ class Doorway:
     y1: float
     rooms: tuple[int, int]
     leaf: bool
-    height_m: float = DOOR_HEIGHT_M
+    height_m: float
 
     @property
     def rectangle(self) -> Rectangle:
