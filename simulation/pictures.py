@@ -20,6 +20,7 @@ from edgemap.simulation.apartment.apartment import furnish
 from edgemap.simulation.apartment.credits import PICTURES, credits_text
 from edgemap.simulation.camera.exposure import light_levels, settled_gain
 from edgemap.simulation.camera.film import encoded, sensed, shaken
+from edgemap.simulation.camera.shutter import optical_twist
 from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, Probes
@@ -84,16 +85,17 @@ def _render_home(task: tuple[Path, int, int, float, bool]) -> int:
         mix, gain = _light(shown, lit.probes, rng)
         view, lens = View.of_base(shown.pose_home_base, mount), shown.camera.intrinsics
         renderer.use_lens(lens)
-        frame = renderer.frame(view, mix, EXPOSURE * gain, shown.movers)
-        boxes = picture_boxes(renderer, frame, view, apartment, shown.movers)
-        picture = sensed(frame.picture, frame.depth_m, lens, mount, shown.velocity, shown.effects, gain, rng)
+        movers = [mover for mover, _ in shown.passers]
+        frame = renderer.frame(view, mix, EXPOSURE * gain, movers)
+        boxes = picture_boxes(renderer, frame, view, apartment, movers)
+        picture = sensed(frame, lens, optical_twist(shown.velocity, mount), shown.effects, gain, rng)
         name = f"{home:06d}_{number:0{digits}d}"
         _write(folder, name, encoded(picture, shown.effects.jpeg_quality), boxes, lens)
         labels = floor_labels(frame, view, lens, apartment.plan.height_m)
         write_atomically(folder / "floor" / f"{name}.png", png(labels))
         frames.append(boxes)
     renderer.close()
-    models = {item.model.key for item in apartment.furniture} | {key for shown in views for key in shown.passers}
+    models = {item.model.key for item in apartment.furniture} | {key for shown in views for _, key in shown.passers}
     part = {"frames": frames, "models": sorted(models)}
     write_atomically(PartStore.part_of(folder, home), json.dumps(part))
     return home

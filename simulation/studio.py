@@ -12,6 +12,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.camera.exposure import LightScript, gains
 from edgemap.simulation.camera.film import encoded, sensed, shaken
+from edgemap.simulation.camera.shutter import optical_twist
 from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
@@ -74,7 +75,7 @@ class Studio:
         frame = self._renderer.frame(view, light_mix(world.light, stamp_s), EXPOSURE * gain, movers)
         boxes = picture_boxes(self._renderer, frame, view, world.apartment, movers)
         lens = world.camera.intrinsics
-        picture = sensed(frame.picture, frame.depth_m, lens, mount, velocity, effects, gain, rng)
+        picture = sensed(frame, lens, optical_twist(velocity, mount), effects, gain, rng)
         return Shot(index, *encoded(picture, effects.jpeg_quality), boxes, frame.depth_m)
 
     def close(self) -> None:

@@ -127,42 +127,36 @@ def draw_world(seed: int, frames: int, choices: Choices | None = None) -> World:
             continue
         grid = PlanGrid(apartment)
         for number in range(_DRIVES):
-            world = _draw_drive(seed, home_seed, number, frames, apartment, grid, choices)
+            seeds = seed, home_seed, number
+            world = _draw_drive(seeds, frames, apartment, grid, choices)
             if world is None:
                 continue
             if choices.moved:
-                world = _after_moving(world, number, frames, choices)
+                world = _after_moving(world, seeds, frames, choices)
             tilts = nodding_of(world.motion, (seed, home_seed, 8)) if choices.nodding else None
             return replace(world, tilts=tilts, imu=choices.imu)
     raise SimulationError(f"seed {seed}: none of {_HOMES} homes offers a drive of {_LEAST_WAY_M:.0f} m")
 
 
-def _after_moving(before: World, number: int, frames: int, choices: Choices) -> World:
+def _after_moving(before: World, seeds: tuple[int, int, int], frames: int, choices: Choices) -> World:
     """Another drive with the same camera, light and robot, through the home with some of its furniture moved."""
-    seed, home_seed = before.seed, before.home_seed
+    seed, home_seed, _ = seeds
+    eased = replace(choices, contract=False)
     for turn in range(1, _DRIVES + 1):
-        apartment, changes = move_furniture(
-            before.apartment, choices.moved, np.random.default_rng([seed, home_seed, choices.moved, turn, 6])
-        )
-        grid = PlanGrid(apartment)
-        eased = replace(choices, contract=False)
-        world = _draw_drive(seed, home_seed, number, frames, apartment, grid, eased, (turn,))
+        rng = np.random.default_rng([seed, home_seed, choices.moved, turn, 6])
+        apartment, changes = move_furniture(before.apartment, choices.moved, rng)
+        world = _draw_drive(seeds, frames, apartment, PlanGrid(apartment), eased, turn)
         if world is not None:
             return replace(world, changes=changes, start_before=before.poses()[0])
     raise SimulationError(f"seed {seed}: no drive through its home with {choices.moved} pieces moved")
 
 
 def _draw_drive(
-    seed: int,
-    home_seed: int,
-    number: int,
-    frames: int,
-    apartment: Apartment,
-    grid: PlanGrid,
-    choices: Choices,
-    turn: tuple[int, ...] = (),
+    seeds: tuple[int, int, int], frames: int, apartment: Apartment, grid: PlanGrid, choices: Choices, *turn: int
 ) -> World | None:
-    rng = np.random.default_rng([seed, home_seed, number, 1])
+    """seeds: the world's, the home's, and the number of the drive. turn: of the try after furniture was moved."""
+    seed, home_seed, _ = seeds
+    rng = np.random.default_rng([*seeds, 1])
     camera = choices.camera or _ENVELOPE.draw_camera(rng)
     camera = replace(camera, mount=choices.mount or camera.mount, rate_hz=choices.rate_hz or camera.rate_hz)
     light = light_of(choices.light, rng) if choices.light else _ENVELOPE.draw_light(rng)
@@ -170,17 +164,17 @@ def _draw_drive(
     limits = choices.limits or _ENVELOPE.draw_limits(rng)
     drawn = int(rng.choice(len(_ENVELOPE.people), p=_ENVELOPE.people))
     sight = VisibilityEstimate(apartment, grid, camera.intrinsics, camera.mount)
-    way, seconds = [seed, home_seed, number, 2, *turn], frames / camera.rate_hz
+    way, seconds = [*seeds, 2, *turn], frames / camera.rate_hz
     try:
-        motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S, choices.habits)
+        motion = drive(sight, limits, np.random.default_rng(way), _CONTRACT_S, choices.habits)
         if choices.contract and not _fulfils(motion, sight):
             return None
-        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds + _SPARE_S, choices.habits)
+        motion = drive(sight, limits, np.random.default_rng(way), seconds + _SPARE_S, choices.habits)
     except SimulationError:
         return None
     people = drawn if choices.people is None else choices.people
     models = furniture.people(purpose_of(home_seed))
-    walkers = draw_walkers(grid, models, people, motion, seconds, (seed, home_seed, number, 5, *turn))
+    walkers = draw_walkers(grid, models, people, motion, seconds, (*seeds, 5, *turn))
     return World(seed, home_seed, apartment, camera, effects, light, motion, frames, walkers)
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.frame import jpeg, png
-from edgemap.simulation.camera.shutter import exposed, optical_twist
-from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.camera.shutter import Twist, exposed
+from edgemap.simulation.render.renderer import RenderedFrame
 
 _INTRINSICS = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
 _MOUNT = Mount.from_degrees(0.60, 11.5, forward_m=0.15)
@@ -51,23 +51,15 @@ _SPEED_M_S, _YAW_RATE_RAD_S = 0.4, 0.8
 
 
 def sensed(
-    picture: NDArray[np.uint8],
-    depth_m: NDArray[np.float32],
-    intrinsics: Intrinsics,
-    mount: Mount,
-    velocity: Array,
-    effects: Effects,
-    gain: float,
-    rng: np.random.Generator,
+    frame: RenderedFrame, lens: Intrinsics, twist: Twist, effects: Effects, gain: float, rng: np.random.Generator
 ) -> NDArray[np.uint8]:
-    """Sensor model: applied to a picture (H, W, 3) that was rendered for the middle of its exposure.
+    """Sensor model: the picture (H, W, 3) of a frame that was rendered for the middle of its exposure.
 
-    depth_m: (H, W) at that moment. velocity: of the base, forward m/s, left m/s, yaw rad/s. gain: how much the picture
-    was brightened, 1 in good light.
+    twist: of the camera, as `optical_twist` gives it. gain: how much the picture was brightened, 1 in good light.
     """
+    picture = frame.picture
     if effects.exposure_s or effects.readout_s:
-        twist = optical_twist(velocity, mount)
-        picture = exposed(picture, depth_m, intrinsics, twist, effects.exposure_s, effects.readout_s)
+        picture = exposed(picture, frame.depth_m, lens, twist, effects.exposure_s, effects.readout_s)
     if effects.shot or effects.read:
         picture = noisy(picture, effects.shot, effects.read, gain, rng)
     return picture

@@ -20,7 +20,10 @@ _COARSE = 4
 _FAR_M = 8.0
 
 
-def optical_twist(velocity: Array, mount: Mount) -> tuple[Array, Array]:
+Twist = tuple[Array, Array]
+
+
+def optical_twist(velocity: Array, mount: Mount) -> Twist:
     """Velocity (3,) m/s and rotation (3,) rad/s of the camera in its own optical axes.
 
     velocity: forward m/s, left m/s, yaw rad/s of the base.
@@ -56,7 +59,7 @@ def exposed(
     picture: NDArray[np.uint8],
     depth_m: NDArray[np.float32],
     intrinsics: Intrinsics,
-    twist: tuple[Array, Array],
+    twist: Twist,
     exposure_s: float,
     readout_s: float,
 ) -> NDArray[np.uint8]:

@@ -94,16 +94,14 @@ class Renderer:
             self._see_through(glass, light, exposure)
             return self._read(list(slots))
 
-    def whole(
-        self, view: View, ids: Sequence[int], movers: Iterable[Mover] = ()
-    ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    def whole(self, view: View, ids: Sequence[int], movers: Iterable[Mover] = ()) -> tuple[list[Array], Array]:
         """Per object its unoccluded box, cut by the picture: (x0, y0, x1, y1) px, pixel k covering k to k + 1; and the
         area in px, in and around the picture, that it would cover (before the lens bends it).
         """
         with self._canvas.context:
             return self._wholes.of(view, self._lens, list(ids), {mover.id: mover for mover in movers})
 
-    def visible_px(self, ids: NDArray[np.int32]) -> NDArray[np.float64]:
+    def visible_px(self, ids: NDArray[np.int32]) -> Array:
         """Area in px that each id covers in an id picture, index by id; comparable with `whole`'s areas."""
         area = self._lens.area_px
         return np.bincount(ids.ravel(), weights=None if area is None else area.ravel()).astype(np.float64)

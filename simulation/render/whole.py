@@ -5,7 +5,6 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -44,13 +43,13 @@ def ideal_points(points_optical_m: Array) -> Array:
     return front[:, :2] / front[:, 2:] if len(front) else np.zeros((1, 2))
 
 
-def pixel_box(ideal: Array, intrinsics: Intrinsics) -> NDArray[np.float64]:
+def pixel_box(ideal: Array, intrinsics: Intrinsics) -> Array:
     """(x0, y0, x1, y1) px round points at unit depth, pixel k covering k to k + 1, with the lens's distortion."""
     at = intrinsics.distortion.distort(ideal) * [intrinsics.fx, intrinsics.fy] + [intrinsics.cx, intrinsics.cy] + 0.5
     return np.concatenate([at.min(axis=0), at.max(axis=0)])
 
 
-def window(box: NDArray[np.float64], pinhole: Intrinsics) -> NDArray[np.float64]:
+def window(box: Array, pinhole: Intrinsics) -> Array:
     """The part of an object's box in which its area is counted: at most twice the picture's size, about its centre."""
     size = np.array([pinhole.width, pinhole.height], dtype=np.float64)
     low, high = size / 2.0 - _REACH * size / 2.0, size / 2.0 + _REACH * size / 2.0
@@ -58,7 +57,7 @@ def window(box: NDArray[np.float64], pinhole: Intrinsics) -> NDArray[np.float64]
     return np.concatenate([first, np.maximum(last, first + 1e-3)])
 
 
-def zoomed(clip_home: Array, box: NDArray[np.float64], pinhole: Intrinsics) -> Array:
+def zoomed(clip_home: Array, box: Array, pinhole: Intrinsics) -> Array:
     """A clip matrix that fills the viewport with a window (x0, y0, x1, y1) px of the picture."""
     size = np.array([pinhole.width, pinhole.height])
     low, high = box[:2] / size * 2.0 - 1.0, box[2:] / size * 2.0 - 1.0
@@ -75,9 +74,7 @@ class Wholes:
         self._sheet = canvas.target((TILE_PX * COLUMNS, TILE_PX * ROWS), 1, depth=False)
         self._outlines: dict[int, Array] = {}
 
-    def of(
-        self, view: View, lens: Lens, ids: list[int], movers: dict[int, Mover]
-    ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    def of(self, view: View, lens: Lens, ids: list[int], movers: dict[int, Mover]) -> tuple[list[Array], Array]:
         """Boxes and areas, as `Renderer.whole` returns them. movers: by id."""
         pinhole = lens.pinhole
         clip = clip_matrix(view, pinhole)
@@ -121,7 +118,7 @@ class Wholes:
             meshes.array(program).render(vertices=batch.count, first=batch.first)
 
 
-def _cut(ideal: Array, lens: Lens) -> NDArray[np.float64]:
+def _cut(ideal: Array, lens: Lens) -> Array:
     """The box of points at unit depth in the picture; points far outside are moved to where the distortion is still
     defined, which is outside the picture as well."""
     intrinsics, pinhole = lens.intrinsics, lens.pinhole

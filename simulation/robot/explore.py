@@ -14,7 +14,7 @@ from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot import motion
 from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Sampled
-from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
+from edgemap.simulation.robot.plan_grid import VisibilityEstimate
 from edgemap.simulation.robot.router import Router
 
 _LEGS_TRIED = 16
@@ -42,15 +42,10 @@ class Habits:
 
 
 def drive(
-    grid: PlanGrid,
-    sight: VisibilityEstimate,
-    limits: Limits,
-    rng: np.random.Generator,
-    seconds: float,
-    habits: Habits | None = None,
+    sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, seconds: float, habits: Habits | None = None
 ) -> Sampled:
     """Explore for at least this long. Raises SimulationError where the home has no free floor, or no path leads on."""
-    explorer = _Explorer(grid, sight, limits, rng, habits or Habits())
+    explorer = _Explorer(sight, limits, rng, habits or Habits())
     moves, needed = [explorer.pose[None]], math.ceil(seconds / SAMPLE_S)
     while needed > 0:
         moves.append(explorer.next_leg())
@@ -59,11 +54,9 @@ def drive(
 
 
 class _Explorer:
-    def __init__(
-        self, grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, habits: Habits
-    ) -> None:
-        self._grid, self._sight, self._limits, self._rng, self._habits = grid, sight, limits, rng, habits
-        self._router = Router(grid, limits)
+    def __init__(self, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, habits: Habits) -> None:
+        self._grid, self._sight, self._limits, self._rng, self._habits = sight.grid, sight, limits, rng, habits
+        self._router = Router(self._grid, limits)
         self._seen_s = np.zeros(len(sight.ids))
         nodes = self._router.nodes_m[rng.integers(len(self._router.nodes_m), size=24)]
         starts = np.column_stack([nodes, rng.uniform(-math.pi, math.pi, len(nodes))]).astype(np.float64)

@@ -76,12 +76,12 @@ _NEAREST_M, _FARTHEST_M = 0.4, 7.0
 class VisibilityEstimate:
     """Estimates visible shares of the labelled pieces on the floor, those alive left out.
 
-    ids: of those pieces, in the columns' order. Furniture hides as its bounding box would, so chairs and tables, which
-    one sees through, hide more here than in the picture: the estimate is a cautious one.
+    grid: of the home. ids: of those pieces, in the columns' order. Furniture hides as its bounding box would, so chairs
+    and tables, which one sees through, hide more here than in the picture: the estimate is a cautious one.
     """
 
     def __init__(self, apartment: Apartment, grid: PlanGrid, intrinsics: Intrinsics, mount: Mount) -> None:
-        self._grid, self._intrinsics, self._mount = grid, intrinsics, mount
+        self.grid, self._intrinsics, self._mount = grid, intrinsics, mount
         items = [item for item in apartment.furniture if item.label and item.on_floor and item.label not in ALIVE]
         self.ids = np.array([item.id for item in items], dtype=np.int64)
         self.middles_m = np.array([item.middle_home_m for item in items]).reshape(-1, 2)
@@ -124,6 +124,6 @@ class VisibilityEstimate:
         targets = self._points[which[1], which[2]]
         along = (np.arange(1, _RAY_STEPS) / _RAY_STEPS)[None, :, None]
         rays = eyes[:, None] + along * (targets - eyes)[:, None]
-        row, column = self._grid.cells_of(rays[..., :2])
-        other = self._grid.owner[row, column] != self.ids[which[1]][:, None]
-        return ~((self._grid.tops_m[row, column] > rays[..., 2]) & other).any(axis=1)
+        row, column = self.grid.cells_of(rays[..., :2])
+        other = self.grid.owner[row, column] != self.ids[which[1]][:, None]
+        return ~((self.grid.tops_m[row, column] > rays[..., 2]) & other).any(axis=1)
