@@ -122,6 +122,9 @@ def box(low: ArrayLike, high: ArrayLike, material: Material) -> Mesh:
 
 def subdivided(part: Part, longest_m: float) -> Part:
     """The same surface with every edge shorter than `longest_m`, so that light kept at corners can vary across it."""
+    edges = part.positions[:, [1, 2, 0]] - part.positions
+    if np.linalg.norm(edges, axis=2).max(initial=0.0) <= longest_m:
+        return part
     rows = np.concatenate([part.positions, part.normals, part.uv], axis=2)
     done = []
     while len(rows):

@@ -14,8 +14,8 @@ Light = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rectangle:
-    """corner, u, v: (3,) metres; it faces u x v."""
+class Panel:
+    """A flat rectangle. corner, u, v: (3,) metres; it faces u x v."""
 
     corner: Array
     u: Array
@@ -29,7 +29,7 @@ class Rectangle:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Surface(Rectangle):
+class Surface(Panel):
     """A large rectangle of the room (floor, wall, ceiling, rug), lit by a light map. The texture repeats every `tile_m`
     along u and v."""
 
@@ -47,7 +47,7 @@ class Surface(Rectangle):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AreaLight(Rectangle):
+class AreaLight(Panel):
     """A glowing rectangle. radiance: linear (3,). group: what it is switched with, the day outside or the lamps."""
 
     radiance: Array
