@@ -267,9 +267,7 @@ def _literal(text: str) -> Any:
         return None
 
 
-def load_foreign(
-    path: Path, threads: int | None = None, pace: Pace = "camera", names: Sequence[str] | None = None
-) -> Bundle:
+def load_foreign(path: Path, threads: int | None, pace: Pace, names: Sequence[str] | None) -> Bundle:
     """A detector of another project as a bundle that has boxes alone. Raises BundleError.
 
     How it is read stands in a FILE.bundle.json next to FILE.onnx where there is one, else it is recognised; standard

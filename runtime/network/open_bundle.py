@@ -90,7 +90,7 @@ def open_bundle(
     return replace(loaded, companion=load_companion(bundle_folder(companion), threads, pace), paced=pace == "camera")
 
 
-def load_companion(folder: Path, threads: int | None = None, pace: Pace = "camera") -> Bundle:
+def load_companion(folder: Path, threads: int | None, pace: Pace) -> Bundle:
     """A bundle whose backbone is cut down to the floor mask. Raises BundleError."""
     whole = load_bundle(folder, threads, pace=pace)
     detector = whole.manifest.detector

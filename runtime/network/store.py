@@ -49,7 +49,7 @@ def install_folder(folder: Path) -> Path:
     )
 
 
-def install_url(url: str, progress: bool = True) -> Path:
+def install_url(url: str) -> Path:
     """Fetch a finished bundle from the folder at `url` (or its bundle.json) into the cache, every file checked.
 
     Raises BundleError or DownloadError; the cache is left as it was.
@@ -57,7 +57,7 @@ def install_url(url: str, progress: bool = True) -> Path:
     base = url.removesuffix(MANIFEST_NAME).rstrip("/")
 
     def fetch(manifest: Manifest, name: str, to: Path) -> None:
-        download(f"{base}/{quote(name)}", to, sums=(manifest.sha256[name],), progress=progress)
+        download(f"{base}/{quote(name)}", to, sums=(manifest.sha256[name],))
 
     with tempfile.TemporaryDirectory() as name:
         page = download(f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, progress=False)

@@ -114,19 +114,18 @@ def _unused(identity: str, taken: Mapping[str, Any]) -> str:
 def write_masks(
     path: Path,
     zones: Sequence[Zone],
-    keep_out: Sequence[str] = (),
-    speed_percent: Mapping[str, int] | None = None,
+    keep_out: Sequence[str],
+    speeds: Mapping[str, int],
     resolution_m: float = 0.05,
 ) -> list[Path]:
     """Masks of zones by name, next to `path`: NAME.keepout.yaml and .pgm, NAME.speed.yaml and .pgm; the YAML files.
 
-    speed_percent: of the robot's highest speed, 1 to 100, in each zone; the lowest counts where zones overlap. Pixels
+    speeds: in each zone, percent of the robot's highest, 1 to 100; the lowest counts where zones overlap. Pixels
     are the mask's values as they are (mode raw): 100 for keep-out with a filter of type 0, the percentage with a filter
     of type 1, base 0.0 and multiplier 1.0, whose 0 is no limit. Raises MapError for a zone that is not there. Source:
     https://docs.nav2.org/configuration/packages/map_server/configuring-costmap-filter-info-server.html and
     https://docs.nav2.org/configuration/packages/costmap-plugins/speed_filter.html
     """
-    speeds = dict(speed_percent or {})
     for name in (*keep_out, *speeds):
         if not any(zone.name == name or zone.id == name for zone in zones):
             known = ", ".join(zone.name for zone in zones) or "none"

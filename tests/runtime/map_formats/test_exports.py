@@ -308,7 +308,7 @@ def test_zones_are_masks_of_nav2s_filters(tmp_path):
     value = masked(slow)
     assert [value(1.0, 1.0), value(3.8, 1.4), value(4.8, 1.5), value(-0.5, 1.0)] == [40, 20, 20, 0]  # the slower counts
     with pytest.raises(MapError, match="no zone 'cellar' on the map; it has hall, stairs"):
-        write_masks(tmp_path / "zones.yaml", [HALL, STAIRS], ["cellar"])
+        write_masks(tmp_path / "zones.yaml", [HALL, STAIRS], ["cellar"], {})
 
 
 def test_zones_are_polygons_of_the_vector_object_server():
