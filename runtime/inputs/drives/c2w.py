@@ -11,7 +11,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import read_text
-from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, upright_camera
+from edgemap.runtime.frames.spatial_poses import OPTICAL_Z, attitudes_of, planarise, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
@@ -58,13 +58,13 @@ def _read(
         kind, folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, None, depth=depth,
         depth_camera=setup.depth,
     )  # fmt: skip
-    recorded = poses, setup.world_up, setup.mount
     try:
-        planar, full = planarise_camera(*recorded), upright_camera(*recorded)
+        planar = planarise(poses, setup.world_up, OPTICAL_Z, setup.mount)
+        full = upright_camera(poses, setup.world_up, setup.mount)
     except CameraError as error:  # the pictures can be driven without
         note(FaultKind.SAMPLES, f"{path}: no true poses: {error}")
         return drive
-    attitudes = camera_attitudes(stamps, poses, setup.world_up) if kind == "c2w" else None
+    attitudes = attitudes_of(stamps, poses, setup.world_up) if kind == "c2w" else None
     return replace(drive, truth=Trajectory(stamps, planar), full_poses=full, attitudes=attitudes)
 
 
