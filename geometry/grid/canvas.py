@@ -13,21 +13,24 @@ LONGEST = 8192  # cells of a side: 400 m; what lies farther off is not kept
 
 
 class Canvas:
-    """What evidence changes of the log-odds of each cell: functions as in `Patch`, which begin as the identity."""
+    """Arrays of cells that grow: one layer, the log-odds, of a map; of evidence that becomes a patch three, its changes
+    of log-odds as in `Patch`. A map's has a `grid`, evidence's a `patch`.
+    """
 
-    def __init__(self, rule: GridRule) -> None:
-        self._cell_m, self._bound = rule.cell_m, round(rule.highest * UNIT)
+    def __init__(self, rule: GridRule, evidence: bool = False) -> None:
+        self._cell_m, bound = rule.cell_m, round(rule.highest * UNIT)
+        self._values = np.array([0, -bound, bound] if evidence else [0], np.int16)  # of cells without evidence
         self._first = np.zeros(2, np.int32)  # column and row of the arrays' first cell
-        self._changes = np.zeros((3, 0, 0), np.int16)
+        self._layers = np.zeros((len(self._values), 0, 0), np.int16)
 
     def add(self, cells: Cells, changes: Steps) -> None:
         """Applies functions (3, N) to cells (N, 2); where a turned patch has two of them on one, the last counts."""
         self._cover(cells)
         column, row = (cells - self._first).T
-        _, rows, columns = self._changes.shape
+        layers, rows, columns = self._layers.shape
         fits = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
         at = row[fits].astype(np.intp) * columns + column[fits]
-        flat = self._changes.reshape(3, -1)
+        flat = self._layers.reshape(layers, -1)
         flat[:, at] = after(flat[:, at], changes[:, fits])
 
     def draw(self, patch: Patch) -> None:
@@ -36,13 +39,14 @@ class Canvas:
 
     def patch(self, stamp_s: float, began: SE2) -> Patch:
         """All evidence as a patch, with the stamp and pose at which it began."""
-        rows, columns = np.nonzero((self._changes[1] > -self._bound) | (self._changes[2] < self._bound))
+        _, low, high = self._layers
+        rows, columns = np.nonzero((low > self._values[1]) | (high < self._values[2]))
         cells = np.column_stack([columns, rows]).astype(np.int32) + self._first
-        return Patch(stamp_s, began, cells, self._changes[:, rows, columns])
+        return Patch(stamp_s, began, cells, self._layers[:, rows, columns])
 
     def grid(self, revision: int = 0) -> OccupancyGrid | None:
         """The observed part; None without any."""
-        odds = np.clip(*self._changes)  # those of a cell begin at 0
+        (odds,) = self._layers
         rows, columns = np.flatnonzero(odds.any(axis=1)), np.flatnonzero(odds.any(axis=0))
         if not len(rows):
             return None
@@ -52,9 +56,9 @@ class Canvas:
 
     def _cover(self, cells: Cells) -> None:
         """Grows the arrays to include cells (N, 2), but for those that are not worth the span to them."""
-        if not self._changes.size and len(cells):
+        if not self._layers.size and len(cells):
             self._first = cells.min(axis=0) - MARGIN
-        first, ends = self._first, self._first + self._changes.shape[:0:-1]
+        first, ends = self._first, self._first + self._layers.shape[:0:-1]
         near = cells[((cells >= ends - LONGEST) & (cells < first + LONGEST)).all(axis=1)]
         if not len(near) or ((near >= first) & (near < ends)).all():
             return
@@ -62,10 +66,9 @@ class Canvas:
         low = np.where(low < first, np.maximum(low - MARGIN, ends - LONGEST), first)
         high = np.where(high > ends, np.minimum(high + MARGIN, low + LONGEST), ends)
         (before_x, before_y), (columns, rows) = (first - low).tolist(), (high - low).tolist()
-        old, self._first = self._changes, low.astype(np.int32)
-        self._changes = np.empty((3, rows, columns), np.int16)
-        self._changes[:] = np.array([0, -self._bound, self._bound])[:, None, None]
-        self._changes[:, before_y : before_y + old.shape[1], before_x : before_x + old.shape[2]] = old
+        old, self._first = self._layers, low.astype(np.int32)
+        self._layers = np.tile(self._values[:, None, None], (rows, columns))
+        self._layers[:, before_y : before_y + old.shape[1], before_x : before_x + old.shape[2]] = old
 
 
 def additions(steps: Steps, rule: GridRule) -> Steps:

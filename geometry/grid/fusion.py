@@ -33,7 +33,7 @@ class GridFusion:
         self.rule = rule or GridRule()
         self.scan: FloorScan | None = None
         self._patches: list[Patch] = []
-        self._canvas, self._newest = Canvas(self.rule), Canvas(self.rule)  # all evidence, and that since `_began`
+        self._canvas, self._newest = Canvas(self.rule), Canvas(self.rule, evidence=True)  # the latter since `_began`
         self._drawing: Iterator[None] | None = None
         self._revision = 0
         self._shown: OccupancyGrid | None = None
@@ -77,9 +77,10 @@ class GridFusion:
             floor, hits = (columns_rows(pose_map_base.apply(points_m), rule.cell_m) for points_m in both_m)
             free.append((floor, rule.free))
             occupied.append((repeated(hits), rule.occupied))  # a single one may lie between an edge and its background
-        at, steps = summed(free, occupied)
-        for canvas in (self._canvas, self._newest):
-            canvas.add(at, additions(steps, rule))
+        changed, steps = summed(free, occupied)
+        changes = additions(steps, rule)
+        self._canvas.add(changed, changes)
+        self._newest.add(changed, changes)
         self._revision += 1
 
     def moved(self, past: TrajectoryCorrection) -> None:
@@ -127,7 +128,7 @@ class GridFusion:
         """Keeps the newest patch; the next evidence begins another one."""
         if self._began is not None and len(patch := self._newest.patch(self._began[1], self._began[0])):
             self._patches.append(patch)
-            self._newest = Canvas(self.rule)
+            self._newest = Canvas(self.rule, evidence=True)
         self._began = None
 
     def _bound(self) -> None:
@@ -137,7 +138,8 @@ class GridFusion:
         if len(self._patches) - saved > PATCHES:
             poses = np.array([(patch.move @ patch.began).vector() for patch in self._patches[saved : -PATCHES // 2]])
             ((gone, kept),) = nearest_earlier(poses, 1).items()
-            first, second, both = self._patches[saved + kept], self._patches[saved + gone], Canvas(self.rule)
+            first, second = self._patches[saved + kept], self._patches[saved + gone]
+            both = Canvas(self.rule, evidence=True)
             both.add(first.cells, first.changes)
             both.add(placed(second.cells, first.move.inverse() @ second.move, self.rule.cell_m), second.changes)
             joined = both.patch(first.stamp_s, first.began)

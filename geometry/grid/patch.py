@@ -60,9 +60,13 @@ def columns_rows(points_m: Array, cell_m: float) -> Cells:
 
 
 def after(before: Steps, later: Steps) -> Steps:
-    """Two functions `clip(x + shift, low, high)` in turn, as one: shift, low and high of each cell, (3, N)."""
-    shifted = before.astype(np.int32) + later[0]
-    return np.stack([np.clip(shifted[0], -20_000, 20_000), *np.clip(shifted[1:], *later[1:])]).astype(np.int16)
+    """Log-odds (1, N), or functions `clip(x + shift, low, high)` (3, N), after functions later (3, N) of shift, low and
+    high: two functions in turn are one again."""
+    shifted = before + later[0]
+    values = np.clip(shifted, later[1], later[2])
+    if len(before) == 3:  # sums of two shifts stay within 16 bits; by then all log-odds are at a bound
+        np.clip(shifted[0], -16_000, 16_000, out=values[0])
+    return values
 
 
 def summed(free: Sequence[Evidence], occupied: Sequence[Evidence]) -> tuple[Cells, Steps]:
