@@ -56,25 +56,33 @@ class BoxesOnFloor(NamedTuple):
         """Whether the foot of the object may be another place than the lower edge shows."""
         return self.out_of_sight | (self.cover > HIDDEN)
 
+    @property
+    def has_depth(self) -> NDArray[np.bool_]:
+        """Whether depth shows the object."""
+        return np.isfinite(self.ranges_m[:, 1])
+
     def feet(self, lens_m: Array) -> tuple[Array, Array]:
         """The feet by all that applies: positions (N, 2), base frame, and covariances (N, 2, 2). lens_m: (2,)."""
         shapes, widths_m, reach_m = Shapes(*self.shapes.T), self.sizes_m[:, 0], self.reach_m
-        # Something nearer hides the foot, or the picture ends above it: it is anywhere from `nearest_m` to the edge.
-        range_m, sigma_m = (reach_m + self.nearest_m) / 2.0, (reach_m - self.nearest_m) / math.sqrt(12.0)
-        along = self.directions[:, :, None] * self.directions[:, None]
-        across = np.eye(2) - along
-        scale2, sigma2 = ((values**2)[:, None, None] for values in (range_m / reach_m, sigma_m))
-        positions_m = self.edges_m + self.directions * (range_m - reach_m)[:, None]
-        covariances_m2 = across @ self.edges_m2 @ across * scale2 + along * sigma2
-        feet = positions_m, np.where(self.out_of_sight[:, None, None], covariances_m2, self.edges_m2)
-        # The object is as wide as its class usually is, so its apparent width shows its range.
-        usual_m = reach_m * shapes.width / np.maximum(widths_m, 1e-9)
-        usual_sigma_m = np.where(self.hidden & ~self.cut, usual_m * shapes.width_sigma / shapes.width, math.inf)
-        feet = _ranged(*feet, self.directions, usual_m - range_m, usual_sigma_m)
-        # Depth shows a surface some way behind the foot.
-        behind_m, (measured_m, measured_sigma_m) = shapes.reach_m(widths_m) * SURFACE_SHARE, self.ranges_m.T
-        error_m = measured_m - behind_m - along_m(self.directions, feet[0] - lens_m)
-        return _ranged(*feet, self.directions, error_m, np.hypot(measured_sigma_m, behind_m))
+        feet, hidden = (self.edges_m, self.edges_m2), self.hidden
+        if hidden.any():
+            # Something nearer hides it, or the picture ends above it: it is anywhere from `nearest_m` to the edge.
+            range_m, sigma_m = (reach_m + self.nearest_m) / 2.0, (reach_m - self.nearest_m) / math.sqrt(12.0)
+            along = self.directions[:, :, None] * self.directions[:, None]
+            across = np.eye(2) - along
+            scale2, sigma2 = ((values**2)[:, None, None] for values in (range_m / reach_m, sigma_m))
+            positions_m = self.edges_m + self.directions * (range_m - reach_m)[:, None]
+            covariances_m2 = across @ self.edges_m2 @ across * scale2 + along * sigma2
+            feet = positions_m, np.where(self.out_of_sight[:, None, None], covariances_m2, self.edges_m2)
+            # The object is as wide as its class usually is, so its apparent width shows its range.
+            usual_m = reach_m * shapes.width / np.maximum(widths_m, 1e-9)
+            usual_sigma_m = np.where(hidden & ~self.cut, usual_m * shapes.width_sigma / shapes.width, math.inf)
+            feet = _ranged(*feet, self.directions, usual_m - range_m, usual_sigma_m)
+        if self.has_depth.any():  # a surface some way behind the foot
+            behind_m, (measured_m, measured_sigma_m) = shapes.reach_m(widths_m) * SURFACE_SHARE, self.ranges_m.T
+            error_m = measured_m - behind_m - along_m(self.directions, feet[0] - lens_m)
+            feet = _ranged(*feet, self.directions, error_m, np.hypot(measured_sigma_m, behind_m))
+        return feet
 
 
 def along_m(directions: Array, offsets_m: Array) -> Array:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.feet import BoxesOnFloor, along_m, box_ranges
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.occlusion import WORKTOP_LABELS, carried, covered
-from edgemap.geometry.se2 import SE2
+from edgemap.geometry.se2 import SE2, by_pose
 
 NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
@@ -53,32 +54,14 @@ class Sighting:
     pictures: float = 1.0
     outline_base_m: Array | None = None
 
-    def placed(self, pose_map_base: SE2, pose_covariance: Array, mount: Mount | None = None) -> "PlacedSighting":
-        """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame.
-        mount: the mount whose angles placed it, None where the attitude is measured in each frame."""
-        rotation = pose_map_base.rotation()
-        return PlacedSighting(
-            self,
-            pose_map_base.apply(self.position_base_m),
-            rotation @ self.covariance_m2 @ rotation.T,
-            rotation @ self.shared_m2 @ rotation.T,
-            pose_map_base,
-            pose_covariance,
-            mount,
-        )
 
-
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PlacedSighting:
-    """A sighting in the map frame: position (2,), covariances (2, 2) of the sighting and of the mount, the pose of the
-    observing robot with its covariance (3, 3). mount: the mount whose angles placed it, None where the attitude is
-    measured in each frame.
+    """A sighting in the map, seen from a pose whose covariance (3, 3) (m, m, rad) is additive in the map frame. mount:
+    the mount whose angles placed it, None where the attitude is measured in each frame.
     """
 
     sighting: Sighting
-    position_map_m: Array
-    covariance_m2: Array
-    shared_m2: Array
     pose_map_base: SE2
     pose_covariance: Array
     mount: Mount | None = None
@@ -88,11 +71,25 @@ class PlacedSighting:
         """Class name of the object."""
         return self.sighting.label
 
-    def from_pose(self, pose_covariance: Array) -> Array:
-        """Propagates a pose covariance (3, 3) to this object's position, (2, 2) m^2."""
-        x_m, y_m = self.position_map_m - [self.pose_map_base.x_m, self.pose_map_base.y_m]
-        wrt_pose = np.array([[1.0, 0.0, -y_m], [0.0, 1.0, x_m]])
-        return wrt_pose @ pose_covariance @ wrt_pose.T
+    @cached_property
+    def position_map_m(self) -> Array:
+        """Position (2,)."""
+        return self.pose_map_base.apply(self.sighting.position_base_m)
+
+    @cached_property
+    def covariance_m2(self) -> Array:
+        """Covariance (2, 2) from the box alone."""
+        return self._turned(self.sighting.covariance_m2)
+
+    def total_m2(self) -> Array:
+        """Covariance (2, 2) with the errors of the mount and of the pose."""
+        (wrt_pose,) = by_pose((self.position_map_m - self.pose_map_base.vector()[:2])[None])
+        from_pose = wrt_pose @ self.pose_covariance @ wrt_pose.T
+        return self.covariance_m2 + self._turned(self.sighting.shared_m2) + from_pose
+
+    def _turned(self, covariance_m2: Array) -> Array:
+        rotation = self.pose_map_base.rotation()
+        return rotation @ covariance_m2 @ rotation.T
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,16 +178,16 @@ def sightings_of(
     offsets_m = feet_m - lens_m
     distances_m = np.sqrt(along_m(offsets_m, offsets_m))
     nearer = along_m(boxes.directions, offsets_m) / boxes.reach_m  # than the edge, as a share
-    nearer = np.where(boxes.out_of_sight | np.isfinite(boxes.ranges_m[:, 1]), nearer, 1.0)
+    nearer = np.where(boxes.out_of_sight | boxes.has_depth, nearer, 1.0)
     widths_m = boxes.sizes_m[:, 0] * nearer
     heights_m = boxes.sizes_m[:, 1] * nearer + camera.mount.height_m * (1.0 - nearer)
     positions_m = feet_m + boxes.directions * shapes.reach_m(widths_m)[:, None]
-    # The picture's border cuts, with a box's side, often its nearest corner, too.
-    sides_m = boxes.directions * np.where(boxes.cut, shapes.cut_sigma_m(boxes.sizes_m[:, 0]), 0.0)[:, None]
-    covariances_m2 = covariances_m2 + sides_m[:, :, None] * sides_m[:, None]
-    sightings = []
+    if boxes.cut.any():  # and with its side, often, its nearest corner
+        sides_m = boxes.directions * np.where(boxes.cut, shapes.cut_sigma_m(boxes.sizes_m[:, 0]), 0.0)[:, None]
+        covariances_m2 = covariances_m2 + sides_m[:, :, None] * sides_m[:, None]
+    sightings, labels = [], detections.labels
     for at, row in enumerate(boxes.rows.tolist()):
-        label, score = detections.labels[row], float(detections.scores[row])
+        label, score = labels[row], float(detections.scores[row])
         outline_m = None
         if widths_m[at] > 0.0 and not part[at]:
             x0, _, x1, y1 = detections.boxes[row] - 0.5  # pixel centres
@@ -217,7 +214,7 @@ def _on_floor(
     """Those of the boxes of these rows, one at least, below the horizon, that are on the floor, and not too wide for
     their class."""
     boxes, feet, lens = detections.boxes[rows], feet_px(detections)[rows], camera.intrinsics
-    labels, sizes_px = [detections.labels[row] for row in rows], boxes[:, 2:] - boxes[:, :2]
+    labels, sizes_px = [detections.names[kind] for kind in detections.class_ids[rows]], boxes[:, 2:] - boxes[:, :2]
     px_per_m = lens.fx / camera.optical_depth_m(camera.floor_points(feet))
     widths_m = sizes_px[:, 0] / px_per_m
     shapes = shapes_of(labels, widths_m)
@@ -229,7 +226,7 @@ def _on_floor(
     across_px = np.where(left == right, 0.0, np.where(right, 0.5, -0.5) * (shapes.missing_m(widths_m) * px_per_m))
     cut_px = np.where(cut, shapes.cut_sigma_m(widths_m) * px_per_m, 0.0)
     down_px = np.hypot(rule.box.down_share, rule.box.hidden_share * cover) * sizes_px[:, 1]
-    middles = feet + np.column_stack([across_px, np.zeros(len(feet))])
+    middles = feet + across_px[:, None] * [1.0, 0.0]
     random, shared = floor_covariances(
         camera, middles, np.hypot(edge_px, np.column_stack([cut_px, down_px])), rule.noise
     )
@@ -245,12 +242,12 @@ def _on_floor(
     # Half a pixel from the horizon, or perhaps at it; or wider than anything of that label: it is something else.
     good = np.isfinite(random).all(axis=(1, 2)) & (nearest_share >= 0.0) & (sizes_m[:, 0] * nearest_share <= widest_m)
     found = BoxesOnFloor(
-        rows, np.column_stack(shapes), np.array([extent_m(*one) for one in zip(labels, widths_m, strict=True)]),
+        rows, np.transpose(shapes), np.array([extent_m(*one) for one in zip(labels, widths_m, strict=True)]),
         near, random, shared, directions, reach_m, sizes_m, cut, cover,
         np.where(low, np.minimum(NEAREST_M, 0.5 * reach_m), np.minimum(begins_m, reach_m)),
         box_ranges(depth, boxes, camera),
     )  # fmt: skip
-    return BoxesOnFloor._make(values[good] for values in found)
+    return found if good.all() else BoxesOnFloor._make(values[good] for values in found)
 
 
 def _floor_begins_m(box: Array, camera: FloorCamera, floor: FloorMask | None) -> float:

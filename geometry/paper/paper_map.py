@@ -22,7 +22,7 @@ class _Cluster:
     def add(self, placed: PlacedSighting) -> None:
         """Adds a sighting."""
         self.positions_m = np.concatenate([self.positions_m, placed.position_map_m[None]])
-        self.covariance_sum += placed.covariance_m2 + placed.shared_m2 + placed.from_pose(placed.pose_covariance)
+        self.covariance_sum += placed.total_m2()
         self.sums.add(placed)
 
     def join(self, other: "_Cluster") -> None:

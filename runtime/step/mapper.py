@@ -382,9 +382,9 @@ class Mapper:
         return SE2(*self.trajectory.at([observed.before.stamp_s])[0].tolist())
 
     def _placed(self, observed: FrameObservations, mount: Mount | None = None) -> list[PlacedSighting]:
-        """This step's sightings in the map. mount: see `Sighting.placed`."""
+        """This step's sightings in the map. mount: see `PlacedSighting`."""
         pose = self._pose_of(observed)
-        return [one.placed(pose, self.pose_covariance, mount) for one in observed.sightings]
+        return [PlacedSighting(one, pose, self.pose_covariance, mount) for one in observed.sightings]
 
     def _forget(self, observed: FrameObservations, object_ids: Sequence[str]) -> None:
         """Lowers the presence of objects that should be visible but were not detected. object_ids: those detected."""
