@@ -1,5 +1,7 @@
 """3-D poses of a camera or a base: as planar ones of the base (REP-103), and as the camera's attitude."""
 
+from typing import Literal
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -10,7 +12,6 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.trajectory import AttitudeTrack
 
 LEVEL = 1e-4  # rad and m; files round
-BASE_X, OPTICAL_Z = 0, 2  # axis that points ahead, of a base's and of a camera's
 
 
 def poses_of(positions_m: Array, quaternions: Array) -> Array:
@@ -37,15 +38,17 @@ def up_vector(world_up: str | Array) -> Array:
     return vector
 
 
-def planarise(poses: Array, world_up: str | Array, ahead: int, mount: Mount | None = None) -> tuple[SE2, ...]:
+def planarise(
+    poses: Array, world_up: str | Array, ahead: Literal["x", "z"], mount: Mount | None = None
+) -> tuple[SE2, ...]:
     """Poses to the world, (N, 4, 4), metres, as `pose_start_base`: base poses relative to the first one.
 
-    ahead: axis that points ahead, `BASE_X` for base axes as in REP-103 or `OPTICAL_Z` for a lens (x right, y down, z
-    forward); its horizontal part is the heading. mount: of that camera, whose lever arm takes the lens to the turn axis
-    (none without a mount). Raises CameraError where the axis points straight up or down.
+    ahead: axis that points ahead, x of a base (REP-103), z of a lens (optical: x right, y down, z forward); its
+    horizontal part is the heading. mount: of that lens, whose lever arm takes it to the turn axis (none without a
+    mount). Raises CameraError where the axis points straight up or down.
     """
     up = up_vector(world_up)
-    headings = poses[:, :3, ahead]
+    headings = poses[:, :3, "xyz".index(ahead)]
     headings = headings - np.outer(headings @ up, up)
     lengths = np.linalg.norm(headings, axis=1)
     if lengths.min() < 1e-3:
@@ -92,4 +95,6 @@ def attitudes_of(
         if np.abs(directions[:, :2]).max() < LEVEL and np.ptp(heights) < LEVEL:
             return None
         directions = directions @ mount.rotation_base_optical()
-    return AttitudeTrack.of_up(stamps_s, directions, heights)
+    right, down, forward = directions.T
+    roll, pitch = np.arctan2(-right, -down), np.arctan2(-forward, np.hypot(right, down))
+    return AttitudeTrack(stamps_s, np.unwrap(roll), np.unwrap(pitch), heights - heights[0])

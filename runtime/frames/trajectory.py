@@ -178,13 +178,6 @@ class AttitudeTrack:
     pitch_rad: Array
     risen_m: Array
 
-    @classmethod
-    def of_up(cls, stamps_s: Array, up_optical: Array, heights_m: Array) -> "AttitudeTrack":
-        """From up directions in the optical frame, (N, 3), and heights of the lens in metres, (N,)."""
-        angles = [Attitude.of_up(up, np.zeros((2, 2)), "truth") for up in up_optical]
-        roll, pitch = np.array([(a.roll_rad, a.pitch_rad) for a in angles]).T
-        return cls(stamps_s, np.unwrap(roll), np.unwrap(pitch), heights_m - heights_m[0])
-
     def at(self, stamp_s: float, height_m: float) -> Attitude:
         """The attitude at a stamp, interpolated; constant beyond both ends. height_m: of the lens at the first pose."""
         roll, pitch, risen = (

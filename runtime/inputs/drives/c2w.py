@@ -11,7 +11,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import read_text
-from edgemap.runtime.frames.spatial_poses import OPTICAL_Z, attitudes_of, planarise, upright_camera
+from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup
 from edgemap.runtime.inputs.drives.drive import Drive, ridden
@@ -59,7 +59,7 @@ def _read(
         depth_camera=setup.depth,
     )  # fmt: skip
     try:
-        planar = planarise(poses, setup.world_up, OPTICAL_Z, setup.mount)
+        planar = planarise(poses, setup.world_up, "z", setup.mount)
         full = upright_camera(poses, setup.world_up, setup.mount)
     except CameraError as error:  # the pictures can be driven without
         note(FaultKind.SAMPLES, f"{path}: no true poses: {error}")

@@ -17,7 +17,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, convert, read_bytes
-from edgemap.runtime.frames.spatial_poses import OPTICAL_Z, attitudes_of, planarise, poses_of
+from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise, poses_of
 from edgemap.runtime.frames.tables import Column, NumberTable, columns
 from edgemap.runtime.frames.trajectory import Trajectory, tum_rows
 from edgemap.runtime.frames.yaml_file import read_yaml
@@ -83,7 +83,7 @@ def read_euroc(folder: Path) -> Drive:
     return Drive(
         "euroc", folder, tuple(image for image, there in zip(images, known, strict=True) if there), taken[known],
         setup.intrinsics, setup.mount, rate_hz,
-        Trajectory(truth_stamps, planarise(poses, setup.world_up, OPTICAL_Z, setup.mount)),
+        Trajectory(truth_stamps, planarise(poses, setup.world_up, "z", setup.mount)),
         attitudes=attitudes_of(truth_stamps, poses, setup.world_up), imu=samples,
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.spatial_poses import BASE_X, planarise
+from edgemap.runtime.frames.spatial_poses import planarise
 from edgemap.runtime.frames.trajectory import Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import read_setup, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
@@ -37,7 +37,7 @@ def read_locobot(folder: Path) -> Drive:
     if better.is_file():
         _, matrices = read_tum_3d(better)
         check_count(better, len(matrices), len(images), folder / "rgb")
-        truth = Trajectory(stamps, planarise(matrices, setup.world_up, BASE_X))
+        truth = Trajectory(stamps, planarise(matrices, setup.world_up, "x"))
     lens, mount, rate_hz = setup.intrinsics, setup.mount, setup.rate_hz
     return Drive(
         "locobot", folder, images, stamps, lens, mount, rate_hz, truth, wheel=wheel, depth=depth,

@@ -25,7 +25,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.spatial_poses import BASE_X, attitudes_of, planarise
+from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise
 from edgemap.runtime.frames.trajectory import EDGE_S, Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
@@ -52,7 +52,7 @@ def read_own(folder: Path) -> Drive:
     path = folder / "poses.tum"
     stamps, matrices = read_tum_3d(path)
     world_up = camera.world_up or "z"
-    truth = Trajectory(stamps, planarise(matrices, world_up, BASE_X))
+    truth = Trajectory(stamps, planarise(matrices, world_up, "x"))
     attitudes = attitudes_of(stamps, matrices, world_up, camera.mount) if camera.mount else None
     source = folder / "images" if images else folder / VIDEO_NAME
     if (folder / "stamps.txt").is_file():

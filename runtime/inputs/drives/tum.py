@@ -8,7 +8,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import read_text
-from edgemap.runtime.frames.spatial_poses import OPTICAL_Z, attitudes_of, planarise
+from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise
 from edgemap.runtime.frames.trajectory import AttitudeTrack, Trajectory
 from edgemap.runtime.inputs.drives.camera_yaml import Setup, read_setup
 from edgemap.runtime.inputs.drives.drive import Drive
@@ -33,7 +33,7 @@ def read_tum_drive(folder: Path) -> Drive:
         path = folder / "poses.tum"
         stamps, poses = read_tum_3d(path)
         check_count(path, len(stamps), len(images), pictures_folder)
-        truth = Trajectory(stamps, planarise(poses, setup.world_up, OPTICAL_Z, setup.mount))
+        truth = Trajectory(stamps, planarise(poses, setup.world_up, "z", setup.mount))
         attitudes = attitudes_of(stamps, poses, setup.world_up)
     rate_hz = rate_of_stamps(stamps, setup.rate_hz)
     return Drive("tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes)
@@ -50,7 +50,7 @@ def _listed_pictures(
     if not truth_path.is_file():
         return images, stamps, None, None
     truth_stamps, poses = read_tum_3d(truth_path)
-    recorded = Trajectory(truth_stamps, planarise(poses, setup.world_up, OPTICAL_Z, setup.mount))
+    recorded = Trajectory(truth_stamps, planarise(poses, setup.world_up, "z", setup.mount))
     known = [i for i, stamp in enumerate(stamps) if _is_covered(truth_stamps, stamp)]
     if not known:
         raise CameraError(
