@@ -164,7 +164,7 @@ def open_session(
             raise CameraError("pushed pictures: pass mount=(height_m, pitch_deg)")
         return Session(PushedCamera(intrinsics, pose), build, sinks, strict, counts, rate)
     if frames is not None:
-        source: Camera = FramesCamera(frames, intrinsics, pose)
+        source: Camera = FramesCamera(frames)
     elif isinstance(camera, Camera):
         source = CheckedCamera(camera)
     else:
