@@ -56,7 +56,7 @@ def test_objects_that_stand_as_those_of_the_saved_map_do_but_elsewhere_show_a_wr
     new = [replace(CHAIR, id=f"chair-{n + 8}", position_m=SE2(2.0, 1.0, 1.5).apply(at)) for n, at in enumerate(places)]
     counts = RunCounts(dict(RECORD))
     for objects, twice in (([*saved, *new], 8), (saved, None), ([replace(one, earlier=False) for one in saved], None)):
-        counts.edited(objects)
+        counts.objects = objects
         doubled = counts.quality()["doubled"]
         assert (doubled and doubled["objects"]) == twice
         assert ("8 objects stand twice" in verdict_of(record({"doubled": doubled}), objects).line) == bool(twice)
