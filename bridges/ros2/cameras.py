@@ -33,9 +33,9 @@ class RecordingKind:
 
     def open(self, address: str, how: CameraOptions) -> Camera:
         """Opens the file. Raises CameraError."""
-        from edgemap.bridges.ros2.recordings.camera import RecordingCamera
+        from edgemap.bridges.ros2.recordings.camera import recording_camera
 
-        return RecordingCamera(address, how.intrinsics, how.mount, how.topics, how.depth, how.rotate)
+        return recording_camera(address, how)
 
     def found(self) -> list[tuple[str, str]]:
         """Files are not searched for."""

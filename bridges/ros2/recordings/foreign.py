@@ -1,14 +1,15 @@
 """Lens, mount, inertial samples and wheel odometry from the ROS 2 messages of a recording."""
 
 import math
+from contextlib import closing
 from itertools import islice
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from edgemap.bridges.ros2.messages.definitions import to_s
 from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar_pose
-from edgemap.bridges.ros2.messages.topics import IMU, ODOMETRY, TF, TF_STATIC, TRUTH
+from edgemap.bridges.ros2.messages.topics import ODOMETRY, TF, TF_STATIC, TRUTH
 from edgemap.bridges.ros2.recordings.facts import WHEEL_FILE, read_trajectory_file
 from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
@@ -17,9 +18,8 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import BASE_OPTICAL, QUARTER_TURN, Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.notes import note, note_dropped
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.notes import note_dropped
 from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
@@ -135,11 +135,6 @@ IMU_KIND = "sensor_msgs/Imu"
 WHEEL_KIND = "nav_msgs/Odometry"
 
 
-def recorded_imu(recording: Reading) -> ImuSamples | None:
-    """The IMU samples that edgemap recorded, in the optical frame; None where there are none. Raises CameraError."""
-    return _read(recording, IMU, ImuBuffer(kept=None)) if IMU in recording.topics else None
-
-
 def imu_of(recording: Reading, tree: TfTree, optical: str, topic: str | None = None) -> tuple[str, ImuSamples | None]:
     """The first sensor_msgs/Imu topic of a bag, or the named one, whose frame tf connects to the pictures', and its
     samples.
@@ -151,9 +146,9 @@ def imu_of(recording: Reading, tree: TfTree, optical: str, topic: str | None = N
     if topic is not None and topic not in found:
         raise CameraError(f"{recording.path}: no {IMU_KIND} topic {topic} (there are: {', '.join(found) or 'none'})")
     for name in found if topic is None else [topic]:
-        pose = tree.pose(optical, next(recording.stamped(name))[1].header.frame_id)
+        pose = tree.pose(optical, recording.first(name).header.frame_id)
         if pose is not None:
-            return name, _read(recording, name, ImuBuffer(pose[0], kept=None))
+            return name, read_imu(recording, name, pose[0])
     if topic is not None:
         raise CameraError(
             f"{recording.path}: tf does not join the frame of {one_line(topic)} to the pictures' ({one_line(optical)})"
@@ -170,25 +165,15 @@ def push_message(buffer: ImuBuffer, message: Any, stamp_s: float) -> None:
         buffer.push_rate(stamp_s, (rate.x, rate.y, rate.z))
 
 
-def _read(recording: Reading, topic: str, buffer: ImuBuffer) -> ImuSamples | None:
-    count, wrong = 0, list[str]()
-    for stamp_ns, _, message, fault in recording.samples(topic):
-        count += 1
-        if fault:
-            _report(recording, topic, fault, stamp_ns, wrong)
-        if stamp_ns is not None:
-            push_message(buffer, message, to_s(stamp_ns))
+def read_imu(recording: Reading, topic: str, rotation: NDArray[np.float64] | None = None) -> ImuSamples | None:
+    """The samples of a topic in the optical frame; None where there are none. rotation: (3, 3), from the IMU's frame,
+    None where it is the optical one, as edgemap records it. Raises CameraError."""
+    buffer, dropped = ImuBuffer(rotation, kept=None), list[str]()
+    for stamp_s, message in recording.sound(topic, dropped):
+        push_message(buffer, message, stamp_s)
     samples = buffer.take(np.inf)
-    note_dropped(f"{recording.path}: {topic}", wrong + buffer.dropped, count)
+    note_dropped(f"{recording.path}: {topic}", dropped + buffer.dropped, recording.topics[topic].count)
     return samples if len(samples) else None
-
-
-def _report(recording: Reading, topic: str, fault: str, stamp_ns: int | None, wrong: list[str]) -> None:
-    """A fault of one sample. wrong: those of dropped samples, which are reported together."""
-    if stamp_ns is None:
-        wrong.append(fault)
-    else:
-        note(FaultKind.SAMPLES, f"{recording.path}: {topic}: {fault}")
 
 
 def read_wheel(spec: str) -> Trajectory:
@@ -197,33 +182,27 @@ def read_wheel(spec: str) -> Trajectory:
     Poses of the base as the wheels integrate them, at the headers' stamps. Raises CameraError.
     """
     file, _, topic = spec.partition("#")
-    recording = open_reading(user_path(file))
-    try:
-        if not topic and WHEEL_FILE in recording.attachments:
-            return read_trajectory_file(recording.attachments[WHEEL_FILE], f"{file}: {WHEEL_FILE}")
-        found = [name for name in recording.topics_of(WHEEL_KIND) if name not in (TRUTH, ODOMETRY)]
-        if not found or (topic and topic not in found):
-            there = ", ".join(found) or "none"
-            raise CameraError(f"{file}: no {WHEEL_KIND} topic {topic or 'of wheels'} (there are: {there})")
-        where, count, wrong = f"{file}: {topic or found[0]}", 0, list[str]()
-        stamps_s, poses = list[float](), list[SE2]()
-        for stamp_ns, own_ns, message, fault in recording.samples(topic or found[0]):
-            count += 1
-            if fault:
-                _report(recording, topic or found[0], fault, stamp_ns, wrong)
-            try:
-                pose = planar_pose(message.pose.pose, f"at {to_s(own_ns):.3f} s")
-            except CameraError as error:
-                wrong.append(str(error))
-                continue
-            if stamp_ns is not None:
-                stamps_s.append(to_s(stamp_ns))
-                poses.append(pose)
-        if not poses:
-            raise CameraError(f"{where} has no pose" + (f" ({wrong[0]})" if wrong else ""))
-        note_dropped(where, wrong, count)
-        return Trajectory(np.array(stamps_s), tuple(poses))
-    except OdometryError as error:
-        raise CameraError(f"{file}: {error}") from None
-    finally:
-        recording.close()
+    with closing(open_reading(user_path(file))) as recording:
+        return wheels_of(recording, topic)
+
+
+def wheels_of(recording: Reading, topic: str = "") -> Trajectory:
+    """As of `read_wheel`. topic: empty for what edgemap recorded, or else the first one. Raises CameraError."""
+    file = recording.path
+    if not topic and WHEEL_FILE in recording.attachments:
+        return read_trajectory_file(recording.attachments[WHEEL_FILE], f"{file}: {WHEEL_FILE}")
+    found = [name for name in recording.topics_of(WHEEL_KIND) if name not in (TRUTH, ODOMETRY)]
+    if not found or (topic and topic not in found):
+        there = ", ".join(found) or "none"
+        raise CameraError(f"{file}: no {WHEEL_KIND} topic {topic or 'of wheels'} (there are: {there})")
+    topic = topic or found[0]
+    where, dropped, poses = f"{file}: {topic}", list[str](), dict[float, SE2]()
+    for stamp_s, message in recording.sound(topic, dropped):
+        try:
+            poses[stamp_s] = planar_pose(message.pose.pose, f"at {stamp_s:.3f} s")
+        except CameraError as error:
+            dropped.append(str(error))
+    if not poses:
+        raise CameraError(f"{where} has no pose" + (f" ({dropped[0]})" if dropped else ""))
+    note_dropped(where, dropped, recording.topics[topic].count)
+    return Trajectory(np.array(list(poses)), tuple(poses.values()))

@@ -197,7 +197,7 @@ def depth_topic(recording: Reading, topic: str | None = None) -> str | None:
 
 def depth_of(recording: Reading, topic: str) -> DepthBeside:
     """The depth of a topic of a foreign recording, by stamps in ns."""
-    first: Any = next((message for _, message in recording.stamped(topic)), None)
+    first = recording.first(topic)
     if getattr(first, "encoding", "") == "32FC1" and in_millimetres(np.frombuffer(bytes(first.data), "<f4")):
         note(FaultKind.DEPTH, f"{topic}: 32FC1 is in millimetres (metres by REP 118), divided by 1000")
     return DepthBeside(_stamped(recording, topic, READERS[recording.topics[topic].kind]), round(APART_S * 1e9))

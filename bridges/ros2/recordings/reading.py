@@ -8,8 +8,10 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from edgemap.bridges.ros2.messages.definitions import DAMAGE, FIELDS, decoder, ns_of
+from edgemap.bridges.ros2.messages.definitions import DAMAGE, FIELDS, decoder, ns_of, to_s
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.faults import FaultKind
+from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.frames.stamps import AGREEING, followed
 
@@ -46,29 +48,42 @@ class Reading:
         """
         raise NotImplementedError
 
-    def stamped(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """(stamp in ns, message) for each message of a topic: its header's stamp, 0 where it has none, or the log time
-        where no header has one: two clocks never mix. Raises CameraError."""
-        return ((stamp_ns, message) for stamp_ns, _, message in self._timed(topic))
-
-    def _timed(self, topic: str) -> Iterator[tuple[int, int, Any]]:
-        """As of `stamped`, with the log time in ns."""
-        by_log = True
-        with suppress(CameraError):  # which is raised below, behind the messages before it
-            by_log = not any(ns_of(decode().header.stamp) for _, decode in islice(self.messages(topic), AGREEING))
-        for log_ns, decode in self.messages(topic):
-            message = decode()
-            yield log_ns if by_log else ns_of(message.header.stamp), log_ns, message
+    def first(self, topic: str) -> Any:
+        """The first message of a topic. Raises CameraError."""
+        for _, decode in self.messages(topic):
+            return decode()
+        raise CameraError(f"{self.path}: {topic} has no message")
 
     def samples(self, topic: str) -> Iterator[tuple[int | None, int, Any, str]]:
-        """(stamp in ns, header's stamp, message, fault) as `followed` has it; a zero stamp among others is dropped. The
-        first fault says where log times are taken."""
+        """(stamp in ns, header's stamp, message, fault) as `followed` has it, by the headers' stamps, or the log times
+        where no header has one: two clocks never mix. A zero stamp among others is dropped. The first fault says where
+        log times are taken. Raises CameraError."""
         unstamped = "its headers have no stamps, the times of recording are taken"
         stamped = ((max(row[0], -1), row) for row in self._timed(topic))
         for stamp_ns, (own_ns, _, message), fault in followed(stamped, 10**9, lambda row: row[1]):
             if stamp_ns is not None and own_ns and not ns_of(message.header.stamp):
                 fault, unstamped = fault or unstamped, ""
             yield None if stamp_ns is None else int(stamp_ns), own_ns, message, fault
+
+    def sound(self, topic: str, dropped: list[str]) -> Iterator[tuple[float, Any]]:
+        """(stamp in s, message) of the samples that are not dropped; a clock that was set is reported. dropped: gets
+        why each of the others is. Raises CameraError."""
+        for stamp_ns, _, message, fault in self.samples(topic):
+            if stamp_ns is None:
+                dropped.append(fault)
+                continue
+            if fault:
+                note(FaultKind.SAMPLES, f"{self.path}: {topic}: {fault}")
+            yield to_s(stamp_ns), message
+
+    def _timed(self, topic: str) -> Iterator[tuple[int, int, Any]]:
+        """(stamp, log time, message), ns."""
+        by_log = True
+        with suppress(CameraError):  # which is raised below, behind the messages before it
+            by_log = not any(ns_of(decode().header.stamp) for _, decode in islice(self.messages(topic), AGREEING))
+        for log_ns, decode in self.messages(topic):
+            message = decode()
+            yield log_ns if by_log else ns_of(message.header.stamp), log_ns, message
 
     def close(self) -> None:
         """Closes the file."""

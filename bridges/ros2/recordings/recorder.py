@@ -1,10 +1,11 @@
 """Records pictures with intrinsics, mount, wheel odometry and truth, and, as a sink, a run's results."""
 
+from collections import deque
 from contextlib import suppress
+from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from edgemap.bridges.ros2.messages import build
 from edgemap.bridges.ros2.messages.definitions import Message, definition, encoder, to_ns, to_s
@@ -24,10 +25,11 @@ from edgemap.bridges.ros2.messages.topics import (
     WHEEL,
     FrameIds,
 )
-from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record, trajectory_file
+from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, facts_record, trajectory_file
 from edgemap.bridges.ros2.recordings.pictures import encoded_depth
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.disk import append
 from edgemap.runtime.frames.errors import DiskError, RecordingError
 from edgemap.runtime.frames.extras import need
@@ -131,38 +133,32 @@ class _Chunks:
 class Recorder(Sink):
     """Frames, and as a sink a run's results, into an MCAP file. lossless: PNG instead of JPEG.
 
-    wheel: integrated poses of the wheels; truth: the drive's poses from its start. Raises RecordingError, or DiskError
-    where the disk cannot be written: those results are missing, and later ones continue in the same file.
+    info: the camera, with wheel odometry and truth where those are recorded. Poses that come live are left out. Raises
+    RecordingError, or DiskError where the disk cannot be written: those results are missing, and later ones continue in
+    the same file.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        facts: Facts,
-        *,
-        lossless: bool = False,
-        wheel: Trajectory | None = None,
-        truth: Trajectory | None = None,
-    ) -> None:
+    def __init__(self, path: Path, info: CameraInfo, *, lossless: bool = False) -> None:
         self.path, self.name, self.frames = path, f"recording {path.name}", 0
-        self._stream = MessageStream(facts.intrinsics, facts.mount, lossless=lossless)
-        self._tracks = [
-            _Track(topic, name, track, ids)
-            for topic, name, track, ids in ((WHEEL, WHEEL_FILE, wheel, IDS), (TRUTH, TRUTH_FILE, truth, TRUTH_IDS))
-            if track is not None
-        ]
+        self._stream = MessageStream(info.intrinsics, info.mount, lossless=lossless)
         self._file = McapFile(path)
-        self._file.metadata(RECORD, facts_record(facts))
-        for track in self._tracks:
-            self._file.attach(track.file, "application/json", trajectory_file(track.trajectory))
+        self._file.metadata(RECORD, facts_record(info))
+        rows = list[tuple[int, str, SE2, FrameIds]]()
+        for topic, name, track, ids in (WHEEL, WHEEL_FILE, info.wheel, IDS), (TRUTH, TRUTH_FILE, info.truth, TRUTH_IDS):
+            if isinstance(track, Trajectory):
+                self._file.attach(name, "application/json", trajectory_file(track))
+                timed = zip(track.stamps_s.tolist(), track.poses, strict=True)
+                rows += [(to_ns(at_s), topic, pose, ids) for at_s, pose in timed if 0.0 <= at_s < 2**31]  # ROS time
+        self._poses = deque(sorted(rows, key=itemgetter(0)))  # that are to be written, between the pictures
         self._last: tuple[int, list[MapObject], SE2] | None = None
         self._map_ns: int | None = None  # stamp of the newest map in the file
 
     def picture(self, frame: Frame) -> int:
         """Records a frame with intrinsics, mount and the wheel odometry up to it. Returns its stamp in nanoseconds."""
         stamp_ns = to_ns(frame.stamp_s)
-        for track in self._tracks:
-            track.write_until(self._file, stamp_ns)
+        while self._poses and self._poses[0][0] <= stamp_ns:
+            at_ns, topic, pose, ids = self._poses.popleft()
+            self._file.write(topic, at_ns, build.odometry(at_ns, pose, ids=ids))
         if to_s(stamp_ns) != frame.stamp_s:  # finer than a nanosecond: the replay shall have it all the same
             self._file.write(STAMPS, stamp_ns, {"data": frame.stamp_s})
         if not frame.search:
@@ -216,24 +212,6 @@ class Recorder(Sink):
         self._file.write(outgoing.topic, outgoing.stamp_ns, outgoing.make())
 
 
-class _Track:
-    """A trajectory that is written as it happens, between the pictures."""
-
-    def __init__(self, topic: str, file: str, trajectory: Trajectory, ids: FrameIds) -> None:
-        self.topic, self.file, self.trajectory, self._ids = topic, file, trajectory, ids
-        self._next = int(np.searchsorted(trajectory.stamps_s, 0.0))  # before a stream that starts at zero: no ROS time
-
-    def write_until(self, file: McapFile, stamp_ns: int) -> None:
-        """The poses up to this stamp that are not written yet."""
-        while (
-            self._next < len(self.trajectory.poses)
-            and (now_ns := to_ns(float(self.trajectory.stamps_s[self._next]))) <= stamp_ns
-        ):
-            message = build.odometry(now_ns, self.trajectory.poses[self._next], ids=self._ids)
-            file.write(self.topic, now_ns, message)
-            self._next += 1
-
-
 def file_of(text: str) -> tuple[Path, bool]:
     """The file in `[lossless:]FILE.mcap`, and whether its pictures are lossless."""
     name = text.removeprefix("lossless:")
@@ -245,11 +223,11 @@ def open(address: str, run: RunInfo) -> Recorder:
 
     Raises RecordingError, DiskError or CameraError.
     """
-    camera, floor = run.camera, run.floor
-    facts = Facts(camera.info.name, floor.intrinsics, floor.mount, camera.info.rate_hz, run.inference, run.guess)
-    # Poses that come live are not recorded.
-    wheels = camera.info.wheel if isinstance(camera.info.wheel, Trajectory) else None
+    floor, guess = run.floor, run.guess or {}
+    info = replace(
+        run.camera.info, intrinsics=floor.intrinsics, mount=floor.mount, inference=run.inference, calibration=guess
+    )
     path, lossless = file_of(address)
-    sink = Recorder(path, facts, lossless=lossless, wheel=wheels, truth=camera.info.truth)
+    sink = Recorder(path, info, lossless=lossless)
     run.edits.recorders.append(sink.edit)
     return sink

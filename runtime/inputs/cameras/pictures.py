@@ -2,11 +2,12 @@
 
 import math
 import shlex
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import chain, repeat
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -29,9 +30,18 @@ from edgemap.runtime.inputs.drives.pictures import (
     video_frames,
 )
 
-# BGR picture, its stamp in seconds, its name, and its depth, the file of it, or why there is none.
-Shot = tuple[NDArray[np.uint8], float, str, Depth | Path | str | None]
-Shots = Generator[Shot | CameraFault, None, None]
+
+class Shot(NamedTuple):
+    """A picture, BGR, at a stamp in seconds. depth: or the file of it, or why there is none. search: as of a Frame."""
+
+    image: NDArray[np.uint8]
+    stamp_s: float
+    name: str
+    depth: Depth | Path | str | None
+    search: bool = True
+
+
+Shots = Iterator[Shot | CameraFault]
 
 
 class FileCamera(Camera):
@@ -53,12 +63,12 @@ class FileCamera(Camera):
             return None
         if isinstance(shot, CameraFault):
             raise shot
-        image, stamp_s, name, depth = shot
-        return self.frame(image, stamp_s, name, self._registered(depth) if isinstance(depth, Path) else depth)
+        depth = self._registered(shot.depth) if isinstance(shot.depth, Path) else shot.depth
+        return replace(self.frame(shot.image, shot.stamp_s, shot.name, depth), search=shot.search)
 
     def close(self) -> None:
         """Deliver nothing more."""
-        self._shots.close()
+        self._shots = iter(())
         self._resources.close()
 
     def _registered(self, path: Path) -> Depth | str | None:
@@ -144,7 +154,7 @@ def _of_video(
         else:
             last_s = last_s + 1.0 / rate_hz if count else 0.0
         first_s = first_s if count else last_s
-        yield image, last_s, f"{path}#{count}", depth[count] if depth else None
+        yield Shot(image, last_s, f"{path}#{count}", depth[count] if depth else None)
         count += 1
     if count < len(stamps_s):
         raise CameraError(f"{path}: ends after {count} frames, {len(stamps_s)} poses beside it")
@@ -192,7 +202,7 @@ def _of_pictures(drive: Drive, size: tuple[int, int], levels: Levels) -> Shots:
             continue
         height, width = image.shape[:2]
         if (width, height) == size:
-            yield image, stamp_s, str(path), depth
+            yield Shot(image, stamp_s, str(path), depth)
         else:
             text = f"{path}: picture is {width}x{height}, the others are {size[0]}x{size[1]}, skipped"
             yield CameraFault(FaultKind.SIZE, text)

@@ -32,10 +32,9 @@ from edgemap.bridges.ros2.dds.depth import DepthTopic
 from edgemap.bridges.ros2.dds.discovery import Discovery
 from edgemap.bridges.ros2.dds.node import Node, Reliability
 from edgemap.bridges.ros2.dds.sources import WheelTopic
-from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
-from edgemap.runtime.frames.camera import NO_DEPTH, SensorTopics, next_frame
+from edgemap.runtime.frames.camera import NO_DEPTH, CameraInfo, SensorTopics, next_frame
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
@@ -281,7 +280,9 @@ def test_depth_comes_from_a_topic_and_is_replayed_to_the_bit(program, node, monk
         at = round((frame.stamp_s - 100.0) * 20)
         assert frame.depth[5, 7] == np.float32((1000 + 2 * 7 + 5 * 5 + at % 100) / 1000.0)
     path = tmp_path / "a.mcap"
-    recorder = Recorder(path, Facts("ros2:/front/image_raw", LENS, MOUNT, 20.0), lossless=True)
+    recorder = Recorder(
+        path, CameraInfo("ros2:/front/image_raw", intrinsics=LENS, mount=MOUNT, rate_hz=20.0), lossless=True
+    )
     for frame in frames:
         recorder.picture(frame)
     recorder.close()
