@@ -16,12 +16,9 @@ class TopicKind:
     def open(self, address: str, how: CameraOptions) -> Camera:
         """Subscribes. Raises CameraError where nobody publishes pictures there, Ros2Error or MissingExtraError."""
         from edgemap.bridges.ros2.dds.camera import Ros2Camera
-        from edgemap.bridges.ros2.dds.depth import DepthTopic
         from edgemap.bridges.ros2.dds.node import shared_node
 
-        node = shared_node()
-        depth = DepthTopic(node, how.topics.depth) if how.depth else None
-        return Ros2Camera(node, address, how.intrinsics, how.mount, how.recovery, depth, how.rotate)
+        return Ros2Camera(shared_node(), address, how)
 
     def found(self) -> list[tuple[str, str]]:
         """Topics are not searched for: `ros2 topic list` shows them."""

@@ -43,10 +43,9 @@ class TfListener:
 
 
 class RobotOdom:
-    """odom -> base as it comes on /tf. Called with a stamp of the stream, s. offset_s: from there to ROS time."""
+    """odom -> base as it comes on /tf. Called with a stamp in ROS time, s."""
 
     def __init__(self, node: Node, frames: FrameIds) -> None:
-        self.offset_s = 0.0
         self._frames, self._track = frames, GrowingTrack()
         self._tf = node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500)
 
@@ -60,7 +59,7 @@ class RobotOdom:
                         pose = planar(moved.translation, moved.rotation, TF)
                         self._track.push(to_s(ns_of(step.header.stamp)), pose)
         try:
-            return self._track.at(stamp_s + self.offset_s)
+            return self._track.at(stamp_s)
         except OdometryError:
             return None
 
