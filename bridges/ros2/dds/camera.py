@@ -112,8 +112,9 @@ class Ros2SensorsCamera(CameraAround):
         super().__init__(camera)
         by_ros = isinstance(camera, Ros2Camera)
         self._clock = RosClock((lambda: -camera.clock_offset_s) if by_ros else None)
-        self._wheels = WheelTopic(node, topics.wheels) if topics.wheels is not None else None
-        self.update_info(wheel=self._wheels or camera.info.wheel)
+        self._offset_s = 0.0
+        if topics.wheels is not None:
+            self.update_info(wheel=WheelTopic(node, topics.wheels, lambda: self._offset_s))
         self._buffer = self._samples = None
         if topics.imu is not None:
             self._samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)
@@ -126,13 +127,11 @@ class Ros2SensorsCamera(CameraAround):
         frame = super().read()
         if frame is None:
             return None
-        offset_s = self._clock.offset_s(frame.stamp_s)
-        if self._wheels is not None:
-            self._wheels.offset_s = offset_s
+        self._offset_s = self._clock.offset_s(frame.stamp_s)
         if self._buffer is None or self._samples is None:
             return frame
         for message in self._samples.take():
-            push_message(self._buffer, message, to_s(ns_of(message.header.stamp)) - offset_s)
+            push_message(self._buffer, message, to_s(ns_of(message.header.stamp)) - self._offset_s)
         return replace(frame, imu=self._buffer.take(frame.stamp_s))
 
 

@@ -65,11 +65,12 @@ class RobotOdom:
 
 
 class TopicTrack(GrowingTrack):
-    """Poses of a topic, looked up by stamps of the stream, s. A subclass takes its messages to `push`."""
+    """Poses of a topic, looked up by stamps of the stream, s. offset_s: from there to ROS time. A subclass takes its
+    messages to `push`."""
 
-    def __init__(self, messages: Subscription) -> None:
+    def __init__(self, messages: Subscription, offset_s: Callable[[], float]) -> None:
         super().__init__()
-        self._messages = messages
+        self._messages, self.offset_s = messages, offset_s
 
     def at(self, stamp_s: float, tolerance_s: float = 0.0) -> SE2:
         """The pose as of a GrowingTrack, after waiting up to `LATE_S` for messages."""
@@ -84,11 +85,11 @@ class TopicTrack(GrowingTrack):
 
 
 class WheelTopic(TopicTrack):
-    """nav_msgs/Odometry of the wheels. offset_s: from stamps of the stream to ROS time."""
+    """nav_msgs/Odometry of the wheels."""
 
-    def __init__(self, node: Node, topic: str) -> None:
-        super().__init__(node.subscription(topic, KINDS[WHEEL], depth=500))
-        self._name, self.offset_s = f"ros2:{topic}", 0.0
+    def __init__(self, node: Node, topic: str, offset_s: Callable[[], float]) -> None:
+        super().__init__(node.subscription(topic, KINDS[WHEEL], depth=500), offset_s)
+        self._name = f"ros2:{topic}"
 
     def __str__(self) -> str:
         return self._name
@@ -97,4 +98,4 @@ class WheelTopic(TopicTrack):
         for message in self._messages.take():
             with suppress(CameraError):  # invalid poses are ignored
                 pose = planar_pose(message.pose.pose, self._name)
-                self.push(to_s(ns_of(message.header.stamp)) - self.offset_s, pose)
+                self.push(to_s(ns_of(message.header.stamp)) - self.offset_s(), pose)
