@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, CameraOptions, SensorTopics
 from edgemap.runtime.frames.reading import user_path
+from edgemap.runtime.inputs.cameras.kinds import CameraKind, FileKind
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.trajectory import Trajectory
 
 
-class TopicKind:
+class TopicKind(CameraKind):
     """`ros2:/topic`, with depth from another topic. `ros2 topic list` shows the topics."""
 
     def open(self, address: str, how: CameraOptions) -> Camera:
@@ -20,12 +21,8 @@ class TopicKind:
 
         return Ros2Camera(shared_node(), address, how)
 
-    def found(self) -> list[tuple[str, str]]:
-        """Topics are not searched for: `ros2 topic list` shows them."""
-        return []
 
-
-class RecordingKind:
+class RecordingKind(FileKind):
     """`FILE.mcap[#/topic]`: ours, or a bag of ROS 2."""
 
     def open(self, address: str, how: CameraOptions) -> Camera:
@@ -33,10 +30,6 @@ class RecordingKind:
         from edgemap.bridges.ros2.recordings.camera import recording_camera
 
         return recording_camera(address, how)
-
-    def found(self) -> list[tuple[str, str]]:
-        """Files are not searched for."""
-        return []
 
     def wheels(self, address: str) -> "Trajectory":
         """The wheels' poses in the file. Raises CameraError."""

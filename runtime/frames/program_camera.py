@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
 from itertools import chain
 from typing import Any
 
@@ -14,7 +14,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo, FileCamera, Shot
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import LARGEST_STAMP_S, Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack
@@ -100,50 +100,35 @@ class Stamps:
         return stamp_s
 
 
-class FramesCamera(Camera):
+def frames_camera(
+    frames: Iterable[Picture | tuple[float, Picture]],
+    intrinsics: IntrinsicsLike | None = None,
+    mount: MountLike | None = None,
+) -> FileCamera:
     """The pictures of an iterable, in order: BGR arrays, or (stamp_s, BGR array) pairs.
 
-    Those without stamps come ten a second. Raises CameraError where there is no picture, or the first is not an image.
+    Those without stamps come ten a second. Raises CameraError where there is no picture, or the first is not an image;
+    reading raises it for an invalid one.
     """
-
-    def __init__(
-        self,
-        frames: Iterable[Picture | tuple[float, Picture]],
-        intrinsics: IntrinsicsLike | None = None,
-        mount: MountLike | None = None,
-    ) -> None:
-        pictures: Iterator[Any] = iter(frames)
-        try:
-            first = next(pictures)
-        except StopIteration:
-            raise CameraError("frames= has no picture") from None
-        height, width = _timed(first, 0)[1].shape[:2]
-        lens = None if intrinsics is None else as_intrinsics(intrinsics, width, height)
-        count = len(frames) if hasattr(frames, "__len__") else None  # type: ignore[arg-type]
-        pose = None if mount is None else as_mount(mount)
-        size = (width, height)
-        super().__init__(CameraInfo("frames", size, lens, pose, rate_hz=DEFAULT_RATE_HZ, frame_count=count))
-        self._pictures: Iterator[Any] = chain([first], pictures)
-        self._stamps = Stamps()
-
-    def read(self) -> Frame | None:
-        """The next picture; None after the last. Raises CameraError for an invalid picture."""
-        for value in self._pictures:
-            stamp_s, image = _timed(value, self._delivered)
-            stamp_s = self._stamps.checked(stamp_s, f"frames[{self._delivered}][0]")
-            return self.frame(image, stamp_s, f"frames[{self._delivered}]")
-        return None
-
-    def close(self) -> None:
-        """Deliver nothing more."""
-        self._pictures = iter(())
+    shots = _shots(frames)
+    if (first := next(shots, None)) is None:
+        raise CameraError("frames= has no picture")
+    height, width = first.image.shape[:2]
+    lens = None if intrinsics is None else as_intrinsics(intrinsics, width, height)
+    count = len(frames) if isinstance(frames, Sized) else None
+    pose = None if mount is None else as_mount(mount)
+    info = CameraInfo("frames", (width, height), lens, pose, rate_hz=DEFAULT_RATE_HZ, frame_count=count)
+    return FileCamera(info, chain([first], shots))
 
 
-def _timed(value: Any, number: int) -> tuple[Any, Picture]:
-    """The stamp, unchecked, and the picture of an item. Raises CameraError."""
-    if isinstance(value, tuple) and len(value) == 2:
-        return value[0], as_picture(value[1], f"frames[{number}][1]")
-    return number / DEFAULT_RATE_HZ, as_picture(value, f"frames[{number}]")
+def _shots(frames: Iterable[Any]) -> Iterator[Shot]:
+    """Raises CameraError for a picture or a stamp that is none."""
+    stamps = Stamps()
+    for number, value in enumerate(frames):
+        timed = isinstance(value, tuple) and len(value) == 2
+        stamp_s, image = value if timed else (number / DEFAULT_RATE_HZ, value)
+        image = as_picture(image, f"frames[{number}]" + "[1]" * timed)
+        yield Shot(image, stamps.checked(stamp_s, f"frames[{number}][0]"), f"frames[{number}]")
 
 
 class PushedCamera(Camera):

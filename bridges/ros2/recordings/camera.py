@@ -22,22 +22,15 @@ from edgemap.bridges.ros2.recordings.foreign import (
     tf_of,
     wheels_of,
 )
-from edgemap.bridges.ros2.recordings.pictures import (
-    PICTURE_KINDS,
-    depth_of,
-    depth_topic,
-    kind_of_pictures,
-    own_depth_of,
-)
+from edgemap.bridges.ros2.recordings.pictures import PICTURE_KINDS, depth_beside, kind_of_pictures
 from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.bridges.ros2.recordings.tf_poses import tf_poses
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import CameraInfo, CameraOptions
+from edgemap.runtime.frames.camera import CameraInfo, CameraOptions, FileCamera, Shot, Shots
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.reading import printable, user_path
-from edgemap.runtime.inputs.cameras.pictures import FileCamera, Shot, Shots
 from edgemap.runtime.inputs.drives.pictures import DepthBeside, Levels
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import SAME_S
@@ -63,11 +56,9 @@ def recording_camera(spec: str, how: CameraOptions = CameraOptions()) -> FileCam
         recording = resources.enter_context(closing(open_reading(path)))
         ours, wanted, levels = RECORD in recording.metadata, how.topics.depth, Levels()
         topic, kinds = _choose(recording, topic, (DEPTH if ours else None, wanted))
-        own_depth = ours and wanted is None and DEPTH in recording.topics
-        beside = depth_topic(recording, wanted) if how.depth and not own_depth else None
-        depth = own_depth_of(recording) if how.depth and own_depth else beside and depth_of(recording, beside)
+        beside, depth = (depth_beside(recording, wanted) if how.depth else None) or (None, None)
         ahead = list[Shot | CameraFault]()
-        for shot in (shots := _shots(recording, topic, printable(spec), levels, depth or None)):
+        for shot in (shots := _shots(recording, topic, printable(spec), levels, depth)):
             ahead.append(shot)
             if isinstance(shot, Shot):
                 break
