@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.bridges.ros2.dds.depth import DepthTopic
-from edgemap.bridges.ros2.dds.node import Node, Subscription
+from edgemap.bridges.ros2.dds.node import Node, Subscription, wait_for
 from edgemap.bridges.ros2.dds.sources import WAIT_S, TfListener, WheelTopic
 from edgemap.bridges.ros2.dds.tf_poses import live_tf_poses
 from edgemap.bridges.ros2.messages.definitions import RosClock, ns_of, to_s
@@ -58,7 +58,9 @@ class Ros2Topic(Driver):
             raise CameraError(f"camera {self.name}: no picture on {self._topic} within {WAIT_S:.0f} s")
         _, image, self.frame_id = self._first
         self.size = (image.shape[1], image.shape[0])
-        info = _first_of(infos, EVERY_S)
+        info = wait_for(
+            lambda: next((message for one in infos if (message := one.newest()) is not None), None), EVERY_S
+        )
         self.intrinsics = lens_of(info, self._topic, self.name, self.size) if info else None
         return self
 
@@ -145,14 +147,4 @@ def _rotation(node: Node, imu: str, samples: Subscription, optical: str) -> NDAr
     pose = listener.ask(lambda tree: tree.pose(optical, frame))
     if pose is None:
         raise CameraError(f"ros2:{imu}: tf does not join its frame ({frame}) to the pictures' ({optical})")
-    return pose[0]
-
-
-def _first_of(readers: list[Subscription], timeout_s: float) -> Any | None:
-    """The first message on any of them."""
-    until_s = time.monotonic() + timeout_s
-    while time.monotonic() < until_s:
-        for reader in readers:
-            if reader.wait(0.01) and (message := reader.newest()) is not None:
-                return message
-    return None
+    return pose[:3, :3]

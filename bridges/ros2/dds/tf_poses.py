@@ -1,6 +1,5 @@
 """`--odometry tf` beside a live camera: the base's poses by a running SLAM's tf, and its corrections."""
 
-import time
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
@@ -25,7 +24,7 @@ from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.limits import EVERY_S
-from edgemap.runtime.frames.spatial_poses import base_attitudes, pose_of
+from edgemap.runtime.frames.spatial_poses import base_attitudes
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import MAXIMUM
@@ -55,13 +54,11 @@ class TfTrack(TopicTrack):
 
     def join(self) -> None:
         """Waits for the frames and a first pose. Raises CameraError where there is none in time."""
-        until_s = time.monotonic() + WAIT_S
-        while not self._stamps:
-            self._take()
-            if time.monotonic() > until_s:
-                self._frames.chain(self._parents)
-                raise CameraError(f"{TF}: no pose of {self._chain[-1]} within {WAIT_S:.0f} s")
-            self._messages.wait(0.05)
+        for message in self._messages.take_while(lambda: not self._stamps, WAIT_S):
+            self._add(message)
+        if not self._stamps:
+            self._frames.chain(self._parents)
+            raise CameraError(f"{TF}: no pose of {self._chain[-1]} within {WAIT_S:.0f} s")
 
     def push(self, stamp_s: float, pose: SE2) -> None:
         """As of a GrowingTrack."""
@@ -70,22 +67,21 @@ class TfTrack(TopicTrack):
         self.restarts += self._restarted
         self._restarted |= restarted
 
-    def _take(self) -> None:
-        for message in self._static.take():
-            self._links |= self._found(message)
-        for message in self._messages.take():
-            found = self._found(message)
-            self._links |= found
-            if not self._chain:
-                with suppress(CameraError):
-                    self._chain = self._frames.chain(self._parents)
-            below = self._chain[1:] or self._chain
-            if below and found.keys() & set(below) and all(child in self._links for child in self._chain):
-                stamps_ns = [ns_of(step.header.stamp) for step in message.transforms if _child(step) in below]
-                pose = reduce(np.matmul, [self._links[child] for child in below])
-                stamp_s = to_s(max(stamps_ns)) - self.offset_s()
-                self.recent.append((stamp_s, self.map_odom @ pose))
-                self.push(stamp_s, planar_of(pose))
+    def _add(self, message: Any) -> None:
+        for latched in self._static.take():
+            self._links |= self._found(latched)
+        found = self._found(message)
+        self._links |= found
+        if not self._chain:
+            with suppress(CameraError):
+                self._chain = self._frames.chain(self._parents)
+        below = self._chain[1:] or self._chain
+        if below and found.keys() & set(below) and all(child in self._links for child in self._chain):
+            stamps_ns = [ns_of(step.header.stamp) for step in message.transforms if _child(step) in below]
+            pose = reduce(np.matmul, [self._links[child] for child in below])
+            stamp_s = to_s(max(stamps_ns)) - self.offset_s()
+            self.recent.append((stamp_s, self.map_odom @ pose))
+            self.push(stamp_s, planar_of(pose))
 
     def _found(self, message: Any) -> dict[str, Array]:
         """The valid transforms of a message, by child frame; a frame keeps its first parent."""
@@ -93,9 +89,9 @@ class TfTrack(TopicTrack):
         for step in message.transforms:
             child, parent = _child(step), step.header.frame_id.lstrip("/")
             with suppress(CameraError):
-                rotation, place_m = transform_of(step.transform, TF)
+                pose = transform_of(step.transform, TF)
                 if self._parents.setdefault(child, parent) == parent:
-                    found[child] = pose_of(rotation, place_m)
+                    found[child] = pose
         return found
 
 

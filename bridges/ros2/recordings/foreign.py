@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar_pose
+from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar
 from edgemap.bridges.ros2.messages.topics import ODOMETRY, TF, TF_STATIC, TRUTH
 from edgemap.bridges.ros2.recordings.facts import WHEEL_FILE, read_trajectory_file
 from edgemap.bridges.ros2.recordings.reader import open_reading
@@ -91,7 +91,7 @@ def mount_of(tree: TfTree, frame_id: str, rotate: int = 0) -> tuple[Mount | None
     found = tree.pose(FLOOR_FRAME, frame_id)
     if found is None:
         return None, f"tf does not join {FLOOR_FRAME} to {one_line(frame_id) or 'the pictures (no frame_id)'}: no mount"
-    (rotation, place_m), text = found, ""
+    rotation, place_m, text = found[:3, :3], found[:3, 3], ""
     if rotation[2, 2] > math.cos(math.pi / 4.0):  # z points up: axes of a body, x ahead
         rotation, text = rotation @ BASE_OPTICAL, f"{one_line(frame_id)} has the axes of a body in tf, x ahead"
         text += ": taken as an optical frame by REP 103"
@@ -101,18 +101,13 @@ def mount_of(tree: TfTree, frame_id: str, rotate: int = 0) -> tuple[Mount | None
     rotation = rotation @ np.linalg.matrix_power(QUARTER_TURN, rotate // 90).T
     mount = _mount(rotation, place_m)
     if mount is None:
-        aside_deg, down_deg = _directions(rotation)
+        x, y, z = rotation[:, 2]
+        aside_deg, down_deg = math.degrees(math.atan2(y, x)), math.degrees(math.asin(np.clip(-z, -1.0, 1.0)))
         text = (
             f"tf puts the camera {place_m[2]:.2f} m up, looking {down_deg:.1f} deg down and {aside_deg:.1f} deg to the "
             f"left: no mount, which looks ahead; --mount {max(place_m[2], 0.0):.2f},{down_deg:.1f} makes that ahead"
         )
     return mount, text
-
-
-def _directions(rotation_base_optical: Any) -> tuple[float, float]:
-    """Where an optical frame looks: degrees to the left, and down."""
-    x, y, z = rotation_base_optical[:, 2]
-    return math.degrees(math.atan2(y, x)), math.degrees(math.asin(np.clip(-z, -1.0, 1.0)))
 
 
 def _mount(rotation_base_optical: Any, place_m: Any) -> Mount | None:
@@ -148,7 +143,7 @@ def imu_of(recording: Reading, tree: TfTree, optical: str, topic: str | None = N
     for name in found if topic is None else [topic]:
         pose = tree.pose(optical, recording.first(name).header.frame_id)
         if pose is not None:
-            return name, read_imu(recording, name, pose[0])
+            return name, read_imu(recording, name, pose[:3, :3])
     if topic is not None:
         raise CameraError(
             f"{recording.path}: tf does not join the frame of {one_line(topic)} to the pictures' ({one_line(optical)})"
@@ -198,8 +193,9 @@ def wheels_of(recording: Reading, topic: str = "") -> Trajectory:
     topic = topic or found[0]
     where, dropped, poses = f"{file}: {topic}", list[str](), dict[float, SE2]()
     for stamp_s, message in recording.sound(topic, dropped):
+        pose = message.pose.pose
         try:
-            poses[stamp_s] = planar_pose(message.pose.pose, f"at {stamp_s:.3f} s")
+            poses[stamp_s] = planar(pose.position, pose.orientation, f"at {stamp_s:.3f} s")
         except CameraError as error:
             dropped.append(str(error))
     if not poses:

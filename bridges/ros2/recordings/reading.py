@@ -58,10 +58,15 @@ class Reading:
         """(stamp in ns, header's stamp, message, fault) as `followed` has it, by the headers' stamps, or the log times
         where no header has one: two clocks never mix. A zero stamp among others is dropped. The first fault says where
         log times are taken. Raises CameraError."""
-        unstamped = "its headers have no stamps, the times of recording are taken"
-        stamped = ((max(row[0], -1), row) for row in self._timed(topic))
-        for stamp_ns, (own_ns, _, message), fault in followed(stamped, 10**9, lambda row: row[1]):
-            if stamp_ns is not None and own_ns and not ns_of(message.header.stamp):
+        by_log = True
+        with suppress(CameraError):  # which is raised below, behind the messages before it
+            by_log = not any(ns_of(decode().header.stamp) for _, decode in islice(self.messages(topic), AGREEING))
+        unstamped = "its headers have no stamps, the times of recording are taken" if by_log else ""
+        rows = ((log_ns, decode()) for log_ns, decode in self.messages(topic))
+        stamped = ((log_ns if by_log else ns_of(message.header.stamp), (log_ns, message)) for log_ns, message in rows)
+        timed = ((max(own_ns, -1), (own_ns, *row)) for own_ns, row in stamped)
+        for stamp_ns, (own_ns, _, message), fault in followed(timed, 10**9, lambda row: row[1]):
+            if stamp_ns is not None:
                 fault, unstamped = fault or unstamped, ""
             yield None if stamp_ns is None else int(stamp_ns), own_ns, message, fault
 
@@ -75,15 +80,6 @@ class Reading:
             if fault:
                 note(FaultKind.SAMPLES, f"{self.path}: {topic}: {fault}")
             yield to_s(stamp_ns), message
-
-    def _timed(self, topic: str) -> Iterator[tuple[int, int, Any]]:
-        """(stamp, log time, message), ns."""
-        by_log = True
-        with suppress(CameraError):  # which is raised below, behind the messages before it
-            by_log = not any(ns_of(decode().header.stamp) for _, decode in islice(self.messages(topic), AGREEING))
-        for log_ns, decode in self.messages(topic):
-            message = decode()
-            yield log_ns if by_log else ns_of(message.header.stamp), log_ns, message
 
     def close(self) -> None:
         """Closes the file."""

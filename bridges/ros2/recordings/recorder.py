@@ -1,6 +1,6 @@
 """Records pictures with intrinsics, mount, wheel odometry and truth, and, as a sink, a run's results."""
 
-from collections import deque
+from collections import Counter, deque
 from contextlib import suppress
 from dataclasses import replace
 from operator import itemgetter
@@ -53,7 +53,8 @@ class McapFile:
     Raises RecordingError where the file exists, DiskError where the disk cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, record: dict[str, str], attachments: dict[str, bytes]) -> None:
+        """record: edgemap's metadata. attachments: JSON files, by name."""
         need("record", "a recording")
         from mcap.writer import CompressionType, Writer
 
@@ -71,7 +72,10 @@ class McapFile:
         self._open = True
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
-        self._counts: dict[str, int] = {}
+        self._counts = Counter[str]()  # messages by topic
+        self._written(self._writer.add_metadata, RECORD, record)
+        for name, data in attachments.items():
+            self._written(self._writer.add_attachment, 0, 0, name, "application/json", data)
 
     def write(self, topic: str, stamp_ns: int, message: Message) -> None:
         """Append a message at a stamp."""
@@ -81,17 +85,9 @@ class McapFile:
                 text = definition(kind).encode()
                 self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text)
             channel = self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
-        number = self._counts[topic] = self._counts.get(topic, 0) + 1
+        self._counts[topic] += 1
         data = encoder(kind)(message)
-        self._written(self._writer.add_message, channel, stamp_ns, data, stamp_ns, number)
-
-    def metadata(self, name: str, record: dict[str, str]) -> None:
-        """Append a metadata record."""
-        self._written(self._writer.add_metadata, name, record)
-
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Append a file."""
-        self._written(self._writer.add_attachment, 0, 0, name, media_type, data)
+        self._written(self._writer.add_message, channel, stamp_ns, data, stamp_ns, self._counts[topic])
 
     def close(self) -> None:
         """Write index and end; may be called twice."""
@@ -141,14 +137,13 @@ class Recorder(Sink):
     def __init__(self, path: Path, info: CameraInfo, *, lossless: bool = False) -> None:
         self.path, self.name, self.frames = path, f"recording {path.name}", 0
         self._stream = MessageStream(info.intrinsics, info.mount, lossless=lossless)
-        self._file = McapFile(path)
-        self._file.metadata(RECORD, facts_record(info))
-        rows = list[tuple[int, str, SE2, FrameIds]]()
+        rows, attachments = list[tuple[int, str, SE2, FrameIds]](), dict[str, bytes]()
         for topic, name, track, ids in (WHEEL, WHEEL_FILE, info.wheel, IDS), (TRUTH, TRUTH_FILE, info.truth, TRUTH_IDS):
             if isinstance(track, Trajectory):
-                self._file.attach(name, "application/json", trajectory_file(track))
+                attachments[name] = trajectory_file(track)
                 timed = zip(track.stamps_s.tolist(), track.poses, strict=True)
                 rows += [(to_ns(at_s), topic, pose, ids) for at_s, pose in timed if 0.0 <= at_s < 2**31]  # ROS time
+        self._file = McapFile(path, facts_record(info), attachments)
         self._poses = deque(sorted(rows, key=itemgetter(0)))  # that are to be written, between the pictures
         self._last: tuple[int, list[MapObject], SE2] | None = None
         self._map_ns: int | None = None  # stamp of the newest map in the file

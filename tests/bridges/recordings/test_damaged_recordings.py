@@ -23,6 +23,7 @@ from edgemap.bridges.ros2.recordings.camera import recording_camera
 from edgemap.bridges.ros2.recordings.facts import facts_record, read_facts, read_trajectory_file
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.spatial_poses import pose_of
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.kinds import recorded_from
 from edgemap.runtime.network.store import LENS as LENS_BUNDLE
@@ -132,7 +133,7 @@ def test_a_camera_that_looks_straight_down_by_tf_has_a_mount_or_none():
     """Two rotations that make 90 degrees together give a sine a little above 1."""
     for ahead in (1e-9, -1e-9):
         down = np.array([[0.0, 0.0, ahead], [-1.0, 0.0, 0.0], [0.0, -1e-9, -1.0 - 4e-16]])
-        tree: Any = SimpleNamespace(pose=lambda *_: (down, np.array([0.0, 0.0, 0.5])))  # noqa: B023
+        tree: Any = SimpleNamespace(pose=lambda *_: pose_of(down, np.array([0.0, 0.0, 0.5])))  # noqa: B023
         mount, text = foreign.mount_of(tree, "lens")
         assert mount or "looking 90.0 deg down" in text
 
