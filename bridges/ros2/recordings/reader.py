@@ -1,7 +1,7 @@
 """Reads any MCAP file of ROS 2 messages, complete or cut off: its topics, and messages in order of time."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from io import SEEK_END
 from itertools import islice
@@ -157,14 +157,9 @@ def open_reading(path: Path) -> Reading:
         if not files:
             what = f"{packed.name} is compressed: `zstd -d` it first" if packed else "no .mcap and no .db3 in it"
             raise CameraError(f"{path}: {what}")
-        parts: list[Reading] = []
-        try:
-            for file in files:
-                parts.append(open_reading(file))
-        except BaseException:
-            for part in parts:
-                part.close()
-            raise
+        with ExitStack() as opened:
+            parts = [opened.enter_context(closing(open_reading(file))) for file in files]
+            opened.pop_all()
         return SplitReading(path, parts) if len(parts) > 1 else parts[0]
     if path.suffix == ".bag":
         from edgemap.bridges.ros2.recordings.ros1 import Ros1Reading

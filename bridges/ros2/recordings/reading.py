@@ -1,5 +1,6 @@
 """An open recording of ROS messages, whatever its container: topics, and messages in order of time."""
 
+import sqlite3
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -111,13 +112,9 @@ class SqliteReading(Reading):
     """A bag of ROS 2 in SQLite, `FILE.db3`. Raises CameraError for a file that is none."""
 
     def __init__(self, path: Path) -> None:
-        import sqlite3
-        from urllib.parse import quote
-
         super().__init__(path)
-        self._damage = sqlite3.Error
         try:
-            self._file = sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)
+            self._file = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
             counts = dict(self._file.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id"))
             rows = self._file.execute("SELECT id, name, type, serialization_format FROM topics ORDER BY id").fetchall()
         except sqlite3.Error as error:
@@ -137,12 +134,12 @@ class SqliteReading(Reading):
         try:
             for log_ns, data in self._file.execute(asked, (self._ids[topic],)):
                 yield int(log_ns), partial(decoded, self.path, topic, self.topics[topic].kind, bytes(data))
-        except (self._damage, ValueError, TypeError) as error:
+        except (sqlite3.Error, ValueError, TypeError) as error:
             raise CameraError(f"{self.path}: damaged recording ({one_line(error)})") from None
 
     def close(self) -> None:
         """Closes the file."""
-        with suppress(self._damage):
+        with suppress(sqlite3.Error):
             self._file.close()
 
 
