@@ -117,12 +117,11 @@ class Ros2SensorsCamera(CameraAround):
         self._offset_s = 0.0
         if topics.wheels is not None:
             self.update_info(wheel=WheelTopic(node, topics.wheels, lambda: self._offset_s))
-        self._buffer = self._samples = None
+        self._imu: tuple[Subscription, ImuBuffer] | None = None
         if topics.imu is not None:
-            self._samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)
-            self._buffer = ImuBuffer(
-                _rotation(node, topics.imu, self._samples, camera.optical if by_ros else topics.optical)
-            )
+            samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)
+            optical = camera.optical if by_ros else topics.optical
+            self._imu = samples, ImuBuffer(_rotation(node, topics.imu, samples, optical))
 
     def read(self) -> Frame | None:
         """The next frame of the camera behind, with the samples up to its stamp."""
@@ -130,11 +129,12 @@ class Ros2SensorsCamera(CameraAround):
         if frame is None:
             return None
         self._offset_s = self._clock.offset_s(frame.stamp_s)
-        if self._buffer is None or self._samples is None:
+        if self._imu is None:
             return frame
-        for message in self._samples.take():
-            push_message(self._buffer, message, to_s(ns_of(message.header.stamp)) - self._offset_s)
-        return replace(frame, imu=self._buffer.take(frame.stamp_s))
+        samples, buffer = self._imu
+        for message in samples.take():
+            push_message(buffer, message, to_s(ns_of(message.header.stamp)) - self._offset_s)
+        return replace(frame, imu=buffer.take(frame.stamp_s))
 
 
 def _rotation(node: Node, imu: str, samples: Subscription, optical: str) -> NDArray[np.float64]:
