@@ -20,12 +20,12 @@ from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import BundleError, CameraError, UsageError
 from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
 from edgemap.runtime.frames.program_camera import (
+    FramesCamera,
     IntrinsicsLike,
     MountLike,
     PushedCamera,
     as_intrinsics,
     as_mount,
-    frames_camera,
 )
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera
@@ -159,7 +159,7 @@ def open_session(
             raise CameraError("pushed pictures: pass mount=(height_m, pitch_deg)")
         return Session(PushedCamera(intrinsics, pose), build, sinks, strict, counts, rate)
     if frames is not None:
-        source: Camera = frames_camera(frames, intrinsics, pose)
+        source: Camera = FramesCamera(frames)
     elif isinstance(camera, Camera):
         source = CheckedCamera(camera)
     else:

@@ -14,6 +14,7 @@ from edgemap.geometry.observations.lens_height import (
     HeightBySizes,
     HeightMeasurement,
     agreed_height,
+    complete_boxes,
     lens_heights,
 )
 
@@ -65,8 +66,7 @@ def height_by_sizes(
 def _logs(boxes: list[Detections], lens: Intrinsics, tilted: Mount) -> tuple[Array, Array]:
     """Logarithm of the lens's height by each object, and its sigma."""
     camera = FloorCamera(lens, tilted)
-    heights = [one for detections in boxes for one in lens_heights(detections, camera)]
-    return (
-        np.array([math.log(one.height_m) for one in heights]),
-        np.array([math.hypot(HEIGHT_M[one.label][1], 0.1) for one in heights]),
-    )
+    found = [complete_boxes(detections, camera) for detections in boxes]
+    labels = [label for some, _ in found for label in some]
+    heights_m, _ = lens_heights(labels, np.concatenate([np.zeros((0, 2, 3)), *(rays for _, rays in found)]))
+    return np.log(heights_m), np.array([math.hypot(HEIGHT_M[label][1], 0.1) for label in labels])

@@ -76,13 +76,13 @@ def command(
     path = _target(map, format, out)
     written, what = [path], f"{len(mapped)} objects"
     if format == "nav2":
-        from edgemap.runtime.outputs.map_formats.grid import CellsRule, grid_of
+        from edgemap.runtime.outputs.map_formats.grid import grid_of
         from edgemap.runtime.outputs.map_formats.nav2 import write_nav2
 
         if floor is None:
-            grid = grid_of(mapped, trajectory, CellsRule(resolution, robot_width))
+            grid = grid_of(mapped, trajectory, resolution, robot_width)
         else:
-            grid = grid_of(mapped if objects else (), None, CellsRule(floor.cell_m), floor)
+            grid = grid_of(mapped if objects else (), None, floor.cell_m, observed=floor)
         written = list(write_nav2(path, grid))
         rows, columns = grid.cells.shape
         what = f"occupancy map of {columns} x {rows} cells of {grid.cell_m:g} m, "

@@ -21,7 +21,7 @@ from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
 from edgemap.export.sources import KNOWN, KnownModel
-from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec
 from edgemap.runtime.network.manifest_file import sha256_file
 from edgemap.runtime.network.network import Compute, Tensors
@@ -184,7 +184,7 @@ def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, s
     if not exact:
         tensors = static_tensors(whole := load_onnx(path))
         source = only_outputs(whole, [tensors[head.name] for head in detector.heads]).SerializeToString()
-    original = open_onnxruntime(source, Compute(2, spin=True))
+    original = open_network(source, Compute(2, spin=True))
     return Backbone(
         name=name,
         model=model,

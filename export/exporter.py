@@ -22,7 +22,7 @@ from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
 from edgemap.export.quantise import add_int8, read_calibration
 from edgemap.export.torch_files import kind_of
 from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.manifest import Manifest, OdometryHead, StateSpec
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
 from edgemap.runtime.network.network import Compute, Tensors
@@ -151,7 +151,7 @@ def _join(part: Backbone, floor: FloorCheckpoint) -> None:
     if missing := [name for name in floor.taps if name not in tensors]:
         raise ExportError(f"floor head: {part.name} has no tensor {', '.join(missing)}; it is of another network")
     tapped = only_outputs(part.model, [tensors[name] for name in floor.taps])
-    source = open_onnxruntime(tapped.SerializeToString(), Compute())
+    source = open_network(tapped.SerializeToString(), Compute())
     part.model, part.detector = with_floor(part.model, part.detector, floor.head, floor.taps)
     spec = part.detector.floor
     assert spec is not None

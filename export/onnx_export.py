@@ -19,7 +19,7 @@ from edgemap.export.darknet import Darknet
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.paper import LARGE, PaperHead, eight_bits
 from edgemap.runtime.frames.errors import BundleError
-from edgemap.runtime.network.engines import ROWS, open_onnxruntime
+from edgemap.runtime.network.engines import ROWS, open_network
 from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, OdometryHead, contract_metadata
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.open_bundle import keep_outputs
@@ -205,7 +205,7 @@ def _fits(model: ModelProto, rows: int, shapes: dict[str, tuple[int, ...]], heig
     """Whether the outputs have the shapes of that many input rows. shapes: those of `height` rows."""
     try:
         onnx.checker.check_model(model, full_check=True)
-        found = open_onnxruntime(model.SerializeToString(), Compute(), rows).outputs
+        found = open_network(model.SerializeToString(), Compute(), rows).outputs
     except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError, BundleError):
         return False
     return found == {n: (*shape[:2], shape[2] * rows // (height or rows), shape[3]) for n, shape in shapes.items()}

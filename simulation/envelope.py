@@ -98,16 +98,12 @@ class Envelope:
     def draw_light(self, rng: np.random.Generator) -> LightScript:
         """Light and, now and then, a change of it: a lamp switched every ten seconds or so, or clouds."""
         kind = rng.choice(4, p=[self.day, self.lamp, self.mixed, 1.0 - self.day - self.lamp - self.mixed])
-        name = ("day", "lamp", "mixed", "dim")[int(kind)]
-        return light_of(name, rng, changes=bool(rng.random() < self.changes))
+        return light_of(list(_LIGHTS)[int(kind)], rng, changes=bool(rng.random() < self.changes))
 
     def draw_limits(self, rng: np.random.Generator) -> Limits:
         """Random speed and acceleration limits of the robot."""
-        return Limits(
-            speed_m_s=rng.uniform(*self.speed_m_s),
-            acceleration_m_s2=rng.uniform(*self.acceleration_m_s2),
-            yaw_rate_rad_s=rng.uniform(*self.yaw_rate_rad_s),
-        )
+        names = ("speed_m_s", "acceleration_m_s2", "yaw_rate_rad_s")
+        return Limits(**{name: rng.uniform(*getattr(self, name)) for name in names})
 
     def _draw_distortion(self, rng: np.random.Generator, focal_px: float) -> Distortion:
         if rng.random() >= self.distorted:
@@ -130,12 +126,20 @@ def _reaches(radius: float, k1: float, k2: float) -> bool:
     return bool(distorted[first] >= radius and slope[: first + 1].min() > 0.35)
 
 
+# Shares of daylight and of lamplight, by kind of light.
+_LIGHTS: dict[str, tuple[Range, Range]] = {
+    "day": ((0.6, 1.0), (0.0, 0.0)),
+    "lamp": ((0.0, 0.0), (0.6, 1.0)),
+    "mixed": ((0.2, 0.7), (0.4, 0.9)),
+    "dim": ((0.06, 0.2), (0.0, 0.12)),
+}
+
+
 def light_of(name: str, rng: np.random.Generator, changes: bool = False) -> LightScript:
     """A light of a kind: day, lamp (after dark), mixed, dim, or changing (lamps switched by day)."""
     if name == "changing":
         name, changes = "mixed", True
-    day = {"day": (0.6, 1.0), "lamp": (0.0, 0.0), "mixed": (0.2, 0.7), "dim": (0.06, 0.2)}[name]
-    lamp = {"day": (0.0, 0.0), "lamp": (0.6, 1.0), "mixed": (0.4, 0.9), "dim": (0.0, 0.12)}[name]
+    day, lamp = _LIGHTS[name]
     script = LightScript(day=rng.uniform(*day), lamp=rng.uniform(*lamp))
     first_s, every_s = rng.uniform(8.0, 22.0), rng.uniform(9.0, 25.0)
     clouds, cloud_s, phase = rng.uniform(1.0, 2.2), rng.uniform(15.0, 40.0), rng.uniform(0.0, 2.0 * math.pi)

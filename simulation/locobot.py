@@ -1,7 +1,6 @@
 """The paper's private data set, rendered: a LoCoBot's RGB, depth and wheel odometry, to train on and to test on."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -10,6 +9,7 @@ from edgemap.simulation.camera.film import CameraSetup, Effects
 from edgemap.simulation.record import record
 from edgemap.simulation.robot.explore import Habits
 from edgemap.simulation.robot.motion import Limits
+from edgemap.simulation.store import Progress
 from edgemap.simulation.world import Choices, draw_world
 
 # A RealSense D435 on a LoCoBot's mast, and its sensor at its everyday imperfection.
@@ -36,50 +36,32 @@ TRAINING_FRAMES, TEST_FRAMES = 1000, 2000  # of each drive
 TEST_SEED = 9100
 
 
-@dataclass(frozen=True, slots=True)
-class DrivePart:
-    """One drive of the set: its folder's name, the seed of its world, its pictures."""
-
-    name: str
-    seed: int
-    choices: Choices
-    frames: int
-
-
-def parts(seed: int) -> list[DrivePart]:
-    """The training drives, each in a home of its own, and the four test drives, in homes with held-out furniture."""
-    mixed = (SMOOTH, SHARP, SMOOTH, CHANGING, SMOOTH)
-    training = [
-        DrivePart(f"training-{number}", seed + number, choices, TRAINING_FRAMES)
-        for number, choices in enumerate(mixed, start=1)
-    ]
-    tests = (("smooth-1", SMOOTH), ("smooth-2", SMOOTH), ("sharp-turns", SHARP), ("changing-light", CHANGING))
-    return training + [
-        DrivePart(f"test-{name}", TEST_SEED + seed % 90 + number, choices, TEST_FRAMES)
-        for number, (name, choices) in enumerate(tests)
-    ]
+def drives(seed: int) -> list[tuple[str, int, Choices, int]]:
+    """The training drives, each in a home of its own, and the four test drives, in homes with held-out furniture: the
+    folder's name, the seed and the choices of the world, the number of pictures."""
+    mixed = enumerate((SMOOTH, SHARP, SMOOTH, CHANGING, SMOOTH), start=1)
+    tests = {"smooth-1": SMOOTH, "smooth-2": SMOOTH, "sharp-turns": SHARP, "changing-light": CHANGING}
+    first = TEST_SEED + seed % 90
+    training = [(f"training-{number}", seed + number, choices, TRAINING_FRAMES) for number, choices in mixed]
+    return training + [(f"test-{name}", first + i, tests[name], TEST_FRAMES) for i, name in enumerate(tests)]
 
 
 def record_locobot(
     folder: Path,
     seed: int,
-    progress: Callable[[int, int], None] = lambda _done, _all: None,
+    progress: Progress = lambda _done, _all: None,
     command: str = "edgemap simulate --locobot",
 ) -> None:
     """Write the set: `training-1` … `training-5` and `test-…`, each a folder for `--data locobot:DIR`.
 
     An interrupted rendering keeps its finished pictures. Raises SimulationError and MissingExtraError, one line each.
     """
-    todo = parts(seed)
-    total, before = sum(part.frames for part in todo), 0
-    for part in todo:
-        world = draw_world(part.seed, part.frames, part.choices)
-        start = before
-        record(
-            world,
-            folder / part.name,
-            layout="locobot",
-            progress=lambda done, _, start=start: progress(start + done, total),
-            command=command,
-        )
-        before += part.frames
+    todo, before = drives(seed), 0
+    total = sum(frames for *_, frames in todo)
+    for name, home, choices, frames in todo:
+
+        def shown(done: int, _: int, start: int = before) -> None:
+            progress(start + done, total)
+
+        record(draw_world(home, frames, choices), folder / name, layout="locobot", progress=shown, command=command)
+        before += frames

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
@@ -23,14 +22,10 @@ _STAND_S = (0.5, 4.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Walker:
-    """A person: of which model, and where at any time."""
+    """A person: of which model, and its pose in the home at any time."""
 
     model: Model
     motion: Sampled
-
-    def pose_home(self, stamp_s: float) -> SE2:
-        """Pose of the person."""
-        return SE2(*self.motion.at(np.array([stamp_s]))[0])
 
 
 def draw_walkers(

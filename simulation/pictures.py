@@ -5,7 +5,7 @@ floor/HOME_VIEW.png     1 floor, 2 wall, 0 other
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +20,15 @@ from edgemap.simulation.apartment.apartment import furnish
 from edgemap.simulation.apartment.credits import PICTURES, credits_text
 from edgemap.simulation.camera.exposure import light_levels, settled_gain
 from edgemap.simulation.camera.film import encoded, sensed, shaken
+from edgemap.simulation.camera.shutter import optical_twist
 from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, Probes
 from edgemap.simulation.render.view import View
-from edgemap.simulation.shots import default_workers, ordered
-from edgemap.simulation.store import PartStore
+from edgemap.simulation.shots import ordered
+from edgemap.simulation.store import PartStore, Progress
 from edgemap.simulation.studio import EXPOSURE, light_mix
-from edgemap.simulation.truth import floor_labels, picture_boxes
+from edgemap.simulation.truth import floor_labels, is_visible, picture_boxes
 from edgemap.simulation.views import Shown, draw_views
 from edgemap.simulation.world import build_scene
 
@@ -40,7 +41,7 @@ def render_pictures(
     folder: Path,
     per_home: int,
     homes: range,
-    progress: Callable[[int, int], None] = lambda _done, _all: None,
+    progress: Progress = lambda _done, _all: None,
     command: str = "edgemap simulate",
     close: float = 0.0,
     carried: bool = False,
@@ -56,25 +57,18 @@ def render_pictures(
     if store.complete:
         progress(per_home * len(homes), per_home * len(homes))
         return
-    missing = store.missing(homes)
-    done = len(homes) - len(missing)
-    progress(done * per_home, len(homes) * per_home)
-    tasks = [(folder, home, per_home, close, carried) for home in missing]
-    workers = min(default_workers(), max(1, len(tasks)))
-    made = ordered(_render_home, tasks, workers, _nothing) if workers > 1 else map(_render_home, tasks)
-    for number, _ in enumerate(made, start=done + 1):
-        progress(number * per_home, len(homes) * per_home)
-    parts = [store.read(home) for home in homes]
+
+    def make(missing: list[int]) -> Iterable[int]:
+        tasks = [(folder, home, per_home, close, carried) for home in missing]
+        return ordered(_render_home, tasks) if len(tasks) > 1 else map(_render_home, tasks)
+
+    parts = store.fill(homes, make, progress, per_home)
     write_atomically(
         folder / "boxes.json", json.dumps({"frames": [frame for part in parts for frame in part["frames"]]})
     )
     keys = sorted({key for part in parts for key in part["models"]})
     write_atomically(folder / "README.md", credits_text([furniture.model_of(key) for key in keys], command, PICTURES))
     store.finish()
-
-
-def _nothing() -> None:
-    """Nothing to prepare: every home is a task of its own."""
 
 
 def _render_home(task: tuple[Path, int, int, float, bool]) -> int:
@@ -91,16 +85,17 @@ def _render_home(task: tuple[Path, int, int, float, bool]) -> int:
         mix, gain = _light(shown, lit.probes, rng)
         view, lens = View.of_base(shown.pose_home_base, mount), shown.camera.intrinsics
         renderer.use_lens(lens)
-        frame = renderer.frame(view, mix, EXPOSURE * gain, shown.movers)
-        boxes = picture_boxes(renderer, frame, view, apartment, shown.movers)
-        picture = sensed(frame.picture, frame.depth_m, lens, mount, shown.velocity, shown.effects, gain, rng)
+        movers = [mover for mover, _ in shown.passers]
+        frame = renderer.frame(view, mix, EXPOSURE * gain, movers)
+        boxes = picture_boxes(renderer, frame, view, apartment, movers)
+        picture = sensed(frame, lens, optical_twist(shown.velocity, mount), shown.effects, gain, rng)
         name = f"{home:06d}_{number:0{digits}d}"
         _write(folder, name, encoded(picture, shown.effects.jpeg_quality), boxes, lens)
         labels = floor_labels(frame, view, lens, apartment.plan.height_m)
         write_atomically(folder / "floor" / f"{name}.png", png(labels))
         frames.append(boxes)
     renderer.close()
-    models = {item.model.key for item in apartment.furniture} | {key for shown in views for key in shown.passers}
+    models = {item.model.key for item in apartment.furniture} | {key for shown in views for _, key in shown.passers}
     part = {"frames": frames, "models": sorted(models)}
     write_atomically(PartStore.part_of(folder, home), json.dumps(part))
     return home
@@ -118,13 +113,6 @@ def _write(folder: Path, name: str, picture: tuple[bytes, str], boxes: list[dict
     wanted = [
         (COCO_NAMES.index(record["label"]), record["box"])
         for record in boxes
-        if record["label"] in COCO_NAMES
-        and record["visible"] >= MINIMUM_VISIBLE
-        and _side_px(record) >= MINIMUM_SIDE_PX
+        if record["label"] in COCO_NAMES and is_visible(record, MINIMUM_SIDE_PX, MINIMUM_VISIBLE)
     ]
     write_yolo_labels(folder / "labels" / f"{name}.txt", wanted, lens.width, lens.height)
-
-
-def _side_px(record: dict[str, Any]) -> float:
-    x0, y0, x1, y1 = record["box"]
-    return max(x1 - x0, y1 - y0)

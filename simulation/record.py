@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from contextlib import closing
 from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
@@ -11,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import png
@@ -30,8 +30,8 @@ from edgemap.simulation.render.light import BakeSettings
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot.imu import imu_samples, wheel_odometry
 from edgemap.simulation.shots import shots
-from edgemap.simulation.store import FrameStore
-from edgemap.simulation.studio import Studio, lit_home
+from edgemap.simulation.store import PartStore, Progress
+from edgemap.simulation.studio import Shot, Studio, lit_home
 from edgemap.simulation.truth import object_records
 from edgemap.simulation.world import World
 
@@ -66,12 +66,9 @@ def label_drive(world: World, folder: Path, every: int) -> int:
     missing = [(index, file) for index, file in files if not file.is_file()]
     if missing:
         (folder / "floor").mkdir(exist_ok=True)
-        studio = Studio(world, lit_home(world, BakeSettings.draft()))
-        try:
+        with closing(Studio(world, lit_home(world, BakeSettings.draft()))) as studio:
             for index, file in missing:
                 write_atomically(file, png(studio.floor_labels(index)))
-        finally:
-            studio.close()
     return len(files)
 
 
@@ -80,6 +77,7 @@ def write_floor_plan(world: World, folder: Path) -> None:
     and highest point; walls contain open door leaves. Raises DiskError.
     """
     pose_map_home, plan = world.poses()[0].inverse(), world.apartment.plan
+    names = [f"room-{number}" for number in range(1, len(plan.rooms) + 1)]
 
     def corners(points: Array) -> list[list[float]]:
         return np.round(pose_map_home.apply(points), 4).tolist()
@@ -92,13 +90,13 @@ def write_floor_plan(world: World, folder: Path) -> None:
         "frame": "map",
         "walls": [{"corners_m": rectangle(wall)} for wall in plan.walls],
         "rooms": [
-            {"id": f"room-{number}", "kind": room.kind, "corners_m": rectangle(room.rectangle)}
-            for number, room in enumerate(plan.rooms, 1)
+            {"id": name, "kind": room.kind, "corners_m": rectangle(room.rectangle)}
+            for name, room in zip(names, plan.rooms, strict=True)
         ],
         "doorways": [
             {
                 "id": f"door-{number}",
-                "rooms": [f"room-{room + 1}" for room in door.rooms],
+                "rooms": [names[room] for room in door.rooms],
                 "corners_m": rectangle(door.rectangle),
             }
             for number, door in enumerate(plan.doorways, 1)
@@ -117,8 +115,8 @@ def write_floor_plan(world: World, folder: Path) -> None:
     write_atomically(folder / PLAN_NAME, json.dumps(record) + "\n")
 
 
-Progress = Callable[[int, int], None]
 FORMAT = "edgemap.simulation/2"
+_MOST_DEPTH_MM = 65535
 
 
 def truth_of(world: World) -> Trajectory:
@@ -141,34 +139,39 @@ def record(
     axis. progress: called with the pictures done and all. Raises SimulationError, DiskError and MissingExtraError.
     """
     locobot = layout == "locobot"
-    settings = _settings(world, layout, video, depth)
-    store = FrameStore(folder, settings, "rgb" if locobot else None if video else "images", depth or locobot)
+    folders = ([] if video else ["rgb" if locobot else "images"]) + (["depth"] if depth or locobot else [])
+    store = PartStore(folder, _settings(world, layout, video, depth), folders)
     if store.complete:
         if not locobot:  # it may have been rendered when plans held less
             write_floor_plan(world, folder)
         progress(world.frames, world.frames)
         return
-    missing = store.missing(range(world.frames))
-    done = world.frames - len(missing)
-    progress(done, world.frames)
-    for number, shot in enumerate(shots(world, missing), start=done + 1):
-        store.save(shot)
-        progress(number, world.frames)
+    pictures = store.parts if video else folder / folders[0]
+
+    def save(shot: Shot) -> None:
+        """Saves a picture; its truth is written last and marks the picture as complete."""
+        name = f"{shot.index:06d}"
+        write_atomically(pictures / (name + shot.suffix), shot.picture)
+        if "depth" in folders:
+            millimetres = np.clip(shot.depth_m * 1000.0 + 0.5, 0, _MOST_DEPTH_MM).astype(np.uint16)
+            write_atomically(folder / "depth" / f"{name}.png", png(millimetres))
+        write_atomically(store.part_of(folder, shot.index), json.dumps(shot.boxes))
+
+    boxes = store.fill(range(world.frames), lambda missing: map(save, shots(world, missing)), progress)
     if video:
         unfinished = store.parts / "video.mp4"
-        write_video(unfinished, map(read_picture, store.picture_paths()), world.camera.rate_hz)
+        paths = sorted(path for path in pictures.iterdir() if path.suffix in (".png", ".jpg"))
+        write_video(unfinished, map(read_picture, paths), world.camera.rate_hz)
         unfinished.replace(folder / "video.mp4")
     camera, truth = world.camera, truth_of(world)
-    wheel = wheel_odometry(world.motion, world.stamps_s, np.random.default_rng([world.seed, 3]))
+    wheel = wheel_odometry(world.motion, world.stamps_s, np.random.default_rng([world.seed, 3])).tolist()
     if locobot:
-        write_locobot(folder, camera.intrinsics, camera.mount, camera.rate_hz, wheel.tolist(), truth)
+        write_locobot(folder, camera.intrinsics, camera.mount, camera.rate_hz, wheel, truth)
     else:
-        boxes = [store.read(index) for index in range(world.frames)]
         objects = object_records(world.apartment, world.poses()[0], boxes)
         tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
-        rows = wheel.tolist()
         write_floor_plan(world, folder)
-        write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, rows, tilts)
+        write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel, tilts)
         if world.imu:
             rng = np.random.default_rng([world.seed, 9])
             samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
@@ -209,20 +212,16 @@ def moved_record(world: World) -> dict[str, Any]:
         return {}
     pose_before_home = world.start_before.inverse()
     start = pose_before_home @ world.poses()[0]
+
+    def place(item: Placed) -> list[float]:
+        return [round(x, 4) for x in pose_before_home.apply(item.middle_home_m).tolist()]
+
+    def former(item: Placed) -> dict[str, Any]:
+        return {"id": item.id, "label": item.label, "was_m": place(item)}
+
     return {
         "frame": "start pose of the drive before",
         "start": [round(start.x_m, 4), round(start.y_m, 4), round(math.degrees(start.yaw_rad), 4)],
-        "removed": [_former(item, pose_before_home) for item in world.changes.removed],
-        "moved": [
-            _former(old, pose_before_home) | {"is_m": _place(new, pose_before_home)} for old, new in world.changes.moved
-        ],
+        "removed": [former(item) for item in world.changes.removed],
+        "moved": [former(old) | {"is_m": place(new)} for old, new in world.changes.moved],
     }
-
-
-def _former(item: Placed, pose_before_home: SE2) -> dict[str, Any]:
-    return {"id": item.id, "label": item.label, "was_m": _place(item, pose_before_home)}
-
-
-def _place(item: Placed, pose_before_home: SE2) -> list[float]:
-    x_m, y_m = pose_before_home.apply([item.pose_home_object.x_m, item.pose_home_object.y_m])
-    return [round(float(x_m), 4), round(float(y_m), 4)]

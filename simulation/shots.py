@@ -6,9 +6,11 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from typing import Any, TypeVar
 
 from edgemap.simulation.errors import SimulationError
+from edgemap.simulation.render.scene import LitScene
 from edgemap.simulation.studio import Shot, Studio, lit_home
 from edgemap.simulation.world import World
 
@@ -17,22 +19,18 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-def default_workers() -> int:
-    """Two, where there are two cores: each works on its own pictures with one thread."""
-    return min(2, len(os.sched_getaffinity(0)))
-
-
 def ordered(
-    work: Callable[[T], R], tasks: Iterable[T], workers: int, prepare: Callable[..., None], *given: Any
+    work: Callable[[T], R], tasks: Iterable[T], prepare: Callable[..., None] | None = None, *given: Any
 ) -> Iterator[R]:
-    """`work(task)` for every task, in order, a few ahead of the reader.
+    """`work(task)` for every task, in order, a few ahead of the reader, by two processes where there are two cores:
+    each with one thread.
 
     Each process calls `prepare(*given)` first; functions must be importable and `given` picklable. Failures of the work
     are raised here as they were there. Raises SimulationError where a process dies.
     """
     # Fresh processes: neither OpenGL nor a network's threads outlive a fork.
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, context, _start, (prepare, given))
+    context, workers = multiprocessing.get_context("spawn"), min(2, len(os.sched_getaffinity(0)))
+    pool = ProcessPoolExecutor(workers, context, _start, (prepare, *given))
     try:
         waiting: deque[Future[R]] = deque()
         for task in tasks:
@@ -47,7 +45,7 @@ def ordered(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _start(prepare: Callable[..., None], given: tuple[Any, ...]) -> None:
+def _start(prepare: Callable[..., None] | None, *given: Any) -> None:
     """One thread per process; Ctrl-C is the parent's business."""
     import signal
 
@@ -57,7 +55,8 @@ def _start(prepare: Callable[..., None], given: tuple[Any, ...]) -> None:
     import cv2
 
     cv2.setNumThreads(1)
-    prepare(*given)
+    if prepare:
+        prepare(*given)
 
 
 # Below this many pictures starting processes takes longer than it saves.
@@ -68,24 +67,19 @@ _studio: Studio | None = None
 def shots(world: World, indices: Iterable[int]) -> Generator[Shot, None, None]:
     """Pictures of the given indices, in that order; the same whatever the number of processes."""
     todo = list(indices)
-    workers = 1 if len(todo) < _FEW else default_workers()
     if not todo:
         return
     lit = lit_home(world)
-    if workers > 1:
-        yield from ordered(_shoot, todo, workers, _open, world, lit)
+    if len(todo) >= _FEW and len(os.sched_getaffinity(0)) > 1:
+        yield from ordered(_shoot, todo, _open, world, lit)
         return
-    studio = Studio(world, lit)
-    try:
-        for index in todo:
-            yield studio.shoot(index)
-    finally:
-        studio.close()
+    with closing(Studio(world, lit)) as studio:
+        yield from map(studio.shoot, todo)
 
 
-def _open(*given: object) -> None:
+def _open(world: World, lit: LitScene) -> None:
     global _studio
-    _studio = Studio(*given)  # type: ignore[arg-type]
+    _studio = Studio(world, lit)
 
 
 def _shoot(index: int) -> Shot:

@@ -2,21 +2,17 @@
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from edgemap.runtime.frames.disk import make_folder, write_atomically
-from edgemap.runtime.frames.frame import png
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.studio import Shot
 
 # What the folder holds; written first, and last of all again with `complete` set.
 RECORD_NAME = "simulation.json"
 _PARTS = ".parts"
-_MOST_DEPTH_MM = 65535
+Progress = Callable[[int, int], None]
 
 
 class PartStore:
@@ -52,37 +48,20 @@ class PartStore:
         """The file that marks a part as done and holds its truth."""
         return folder / _PARTS / f"{number:06d}.json"
 
-    def missing(self, numbers: Sequence[int]) -> list[int]:
-        """The parts that are missing."""
-        return [number for number in numbers if not self.part_of(self.folder, number).is_file()]
-
-    def read(self, number: int) -> Any:
-        """Contents of a part's file."""
-        return json.loads(self.part_of(self.folder, number).read_text())
+    def fill(
+        self, numbers: Sequence[int], make: Callable[[list[int]], Iterable[object]], progress: Progress, each: int = 1
+    ) -> list[Any]:
+        """Makes the parts that are missing and returns the contents of all parts' files. make: makes parts one after
+        the other. progress: called with what is done and all, in units of which a part has `each`."""
+        paths = [self.part_of(self.folder, number) for number in numbers]
+        missing = [number for number, path in zip(numbers, paths, strict=True) if not path.is_file()]
+        done = len(numbers) - len(missing)
+        progress(done * each, len(numbers) * each)
+        for number, _ in enumerate(make(missing), start=done + 1):
+            progress(number * each, len(numbers) * each)
+        return [json.loads(path.read_text()) for path in paths]
 
     def finish(self) -> None:
         """Everything is written: forget the parts."""
         write_atomically(self.folder / RECORD_NAME, json.dumps({**self._settings, "complete": True}, indent=1))
         shutil.rmtree(self.parts)
-
-
-class FrameStore(PartStore):
-    """A drive, picture by picture. pictures: the folder they go to, None for ones that become a video."""
-
-    def __init__(self, folder: Path, settings: dict[str, Any], pictures: str | None, depth: bool) -> None:
-        super().__init__(folder, settings, [name for name in (pictures, "depth" if depth else None) if name])
-        self._depth = depth
-        self._pictures = folder / pictures if pictures else self.parts
-
-    def save(self, shot: Shot) -> None:
-        """Saves a picture; its truth is written last and marks the picture as complete."""
-        name = f"{shot.index:06d}"
-        write_atomically(self._pictures / (name + shot.suffix), shot.picture)
-        if self._depth:
-            millimetres = np.clip(shot.depth_m * 1000.0 + 0.5, 0, _MOST_DEPTH_MM).astype(np.uint16)
-            write_atomically(self.folder / "depth" / f"{name}.png", png(millimetres))
-        write_atomically(self.part_of(self.folder, shot.index), json.dumps(shot.boxes))
-
-    def picture_paths(self) -> Sequence[Path]:
-        """The pictures in order."""
-        return sorted(path for path in self._pictures.iterdir() if path.suffix in (".png", ".jpg"))

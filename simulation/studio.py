@@ -12,6 +12,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.camera.exposure import LightScript, gains
 from edgemap.simulation.camera.film import encoded, sensed, shaken
+from edgemap.simulation.camera.shutter import optical_twist
 from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
@@ -74,7 +75,7 @@ class Studio:
         frame = self._renderer.frame(view, light_mix(world.light, stamp_s), EXPOSURE * gain, movers)
         boxes = picture_boxes(self._renderer, frame, view, world.apartment, movers)
         lens = world.camera.intrinsics
-        picture = sensed(frame.picture, frame.depth_m, lens, mount, velocity, effects, gain, rng)
+        picture = sensed(frame, lens, optical_twist(velocity, mount), effects, gain, rng)
         return Shot(index, *encoded(picture, effects.jpeg_quality), boxes, frame.depth_m)
 
     def close(self) -> None:
@@ -83,8 +84,8 @@ class Studio:
 
     def _movers(self, stamp_s: float) -> tuple[Mover, ...]:
         return tuple(
-            Mover(FIRST_MOVER_ID + number, mesh, walker.pose_home(stamp_s))
-            for number, (mesh, walker) in enumerate(zip(self._people, self._world.walkers, strict=True))
+            Mover(number, mesh, SE2(*walker.motion.at(np.array([stamp_s]))[0]))
+            for number, (mesh, walker) in enumerate(zip(self._people, self._world.walkers, strict=True), FIRST_MOVER_ID)
         )
 
     def floor_labels(self, index: int) -> NDArray[np.uint8]:
@@ -95,17 +96,12 @@ class Studio:
         return floor_labels(frame, view, world.camera.intrinsics, world.apartment.plan.height_m)
 
     def _view(self, stamp_s: float, rng: np.random.Generator) -> tuple[View, Mount, NDArray[np.float64]]:
-        """The view of the camera, its mount with the current shake, and the velocity of the base."""
+        """The view of the camera, its mount with the current shake, and the velocity of the base: forward and left,
+        m/s, and yaw rate, rad/s."""
         world = self._world
-        pose, velocity = self._moment(stamp_s)
+        before, pose, after = world.motion.at(stamp_s + np.array([-0.5, 0.0, 0.5]) * _MOMENT_S)
+        speed, (c, s) = (after - before) / _MOMENT_S, (np.cos(pose[2]), np.sin(pose[2]))
+        velocity = np.array([c * speed[0] + s * speed[1], c * speed[1] - s * speed[0], speed[2]])
         mount = shaken(world.camera.mount, world.effects.shake_rad, velocity, rng)
-        tilt = None if world.tilts is None else world.tilts.at(np.array([stamp_s]))[0]
-        view = View.of_base(pose, mount) if tilt is None else View.of_base(pose, mount, lean(tilt), float(tilt[2]))
-        return view, mount, velocity
-
-    def _moment(self, stamp_s: float) -> tuple[SE2, NDArray[np.float64]]:
-        """Pose and velocity at a stamp. Velocity: forward and left, m/s, and yaw rate, rad/s."""
-        before, pose, after = self._world.motion.at(stamp_s + np.array([-0.5, 0.0, 0.5]) * _MOMENT_S)
-        speed = (after - before) / _MOMENT_S
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        return SE2(*pose), np.array([c * speed[0] + s * speed[1], c * speed[1] - s * speed[0], speed[2]])
+        tilt = np.zeros(3) if world.tilts is None else world.tilts.at(np.array([stamp_s]))[0]
+        return View.of_base(SE2(*pose), mount, lean(tilt), float(tilt[2])), mount, velocity

@@ -32,7 +32,7 @@ def picture_boxes(
     """
     ids = frame.ids
     labels = {item.id: item.label for item in apartment.furniture if item.label}
-    labels |= {mover.id: mover.label for mover in movers if mover.label}
+    labels |= {mover.id: "person" for mover in movers}
     counts = np.bincount(ids.ravel())
     seen = [id_ for id_ in labels if id_ < len(counts) and counts[id_] >= _SMALLEST_PX]
     visible_px = renderer.visible_px(ids)
@@ -56,10 +56,10 @@ def picture_boxes(
     return records
 
 
-def is_visible(record: dict[str, Any]) -> bool:
+def is_visible(record: dict[str, Any], side_px: float = SEEN_SIDE_PX, share: float = SEEN_SHARE) -> bool:
     """Whether a box record counts as a sighting: large and visible enough."""
     x0, y0, x1, y1 = record["box"]
-    return max(x1 - x0, y1 - y0) >= SEEN_SIDE_PX and record["visible"] >= SEEN_SHARE
+    return max(x1 - x0, y1 - y0) >= side_px and record["visible"] >= share
 
 
 def object_records(
@@ -73,7 +73,7 @@ def object_records(
     for item in apartment.furniture:
         if not item.label or item.label in ALIVE:
             continue
-        centre = pose_map_home.apply([item.pose_home_object.x_m, item.pose_home_object.y_m])
+        centre = pose_map_home.apply(item.middle_home_m)
         footprint = pose_map_home.apply(item.footprint_home_m())
         records.append(
             {

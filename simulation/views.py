@@ -1,6 +1,7 @@
 """Unrelated views of a home for training a detector: each with its own camera, light, sensor and passers-by."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import Apartment, purpose_of
-from edgemap.simulation.apartment.furniture import Purpose
+from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.camera.exposure import LightScript
 from edgemap.simulation.camera.film import CameraSetup, Effects
 from edgemap.simulation.envelope import CARRIED, Envelope
@@ -32,7 +33,7 @@ _NEAR_M, _ASIDE_RAD = (0.8, 4.0), 0.5
 class Shown:
     """One view: where the base is and how fast it moves (forward m/s, left m/s, yaw rad/s), and what takes it.
 
-    movers: passers-by, whose models' keys are `passers`.
+    passers: passers-by and the keys of their models.
     """
 
     pose_home_base: SE2
@@ -40,15 +41,14 @@ class Shown:
     camera: CameraSetup
     effects: Effects
     light: LightScript
-    movers: tuple[Mover, ...]
-    passers: tuple[str, ...]
+    passers: list[tuple[Mover, str]]
 
 
 def draw_views(apartment: Apartment, seed: int, count: int, close: float = 0.0, carried: bool = False) -> list[Shown]:
     """Views of the home of a seed; of the last ones, a share `close`, little or no floor is in view. carried: by
     cameras that a person carries, not by a robot's."""
     envelope, grid = CARRIED if carried else Envelope(), PlanGrid(apartment)
-    shown: dict[int, float] = {}
+    shown = np.zeros(len(apartment.furniture) + 1)
     views = []
     for number in range(count):
         rng = np.random.default_rng([seed, number, 6])
@@ -59,8 +59,8 @@ def draw_views(apartment: Apartment, seed: int, count: int, close: float = 0.0, 
         near = number >= count - round(close * count)
         pose = _draw_close(grid, camera, rng) if near else _draw_pose(grid, sight, shown, rng)
         velocity = np.array([rng.uniform(0.0, 0.7), 0.0, rng.normal(0.0, 0.4)]) * (rng.random() < 0.7)
-        movers, passers = _draw_passers(grid, pose, purpose_of(seed), rng)
-        views.append(Shown(SE2(*pose), velocity, camera, effects, light, movers, passers))
+        passers = _draw_passers(grid, pose, furniture.people(purpose_of(seed)), rng)
+        views.append(Shown(SE2(*pose), velocity, camera, effects, light, passers))
     return views
 
 
@@ -86,7 +86,8 @@ def _draw_close(grid: PlanGrid, camera: CameraSetup, rng: np.random.Generator) -
     return poses[int(np.argmin(seen.sum(axis=(1, 2))))]
 
 
-def _draw_pose(grid: PlanGrid, sight: VisibilityEstimate, shown: dict[int, float], rng: np.random.Generator) -> Array:
+def _draw_pose(grid: PlanGrid, sight: VisibilityEstimate, shown: Array, rng: np.random.Generator) -> Array:
+    """A pose that shows furniture. shown: how many views show each piece so far, by id."""
     poses = _draw_poses(grid, rng)
     if rng.random() < _UNCHOSEN:
         return poses[0]
@@ -96,26 +97,22 @@ def _draw_pose(grid: PlanGrid, sight: VisibilityEstimate, shown: dict[int, float
         towards = sight.middles_m[rng.integers(len(sight.ids), size=half)] - poses[:half, :2]
         poses[:half, 2] = np.arctan2(towards[:, 1], towards[:, 0]) + rng.normal(0.0, 0.3, half)
     seen = sight.shares(poses) > 0.3
-    worth = np.array([1.0 / (1.0 + shown.get(int(id_), 0.0)) for id_ in sight.ids])
-    best = int(np.argmax(seen @ worth + rng.uniform(0.0, 0.5, _PLACES)))
-    for id_ in sight.ids[seen[best]]:
-        shown[int(id_)] = shown.get(int(id_), 0.0) + 1.0
+    best = int(np.argmax(seen @ (1.0 / (1.0 + shown[sight.ids])) + rng.uniform(0.0, 0.5, _PLACES)))
+    shown[sight.ids[seen[best]]] += 1.0
     return poses[best]
 
 
 def _draw_passers(
-    grid: PlanGrid, pose: Array, purpose: Purpose, rng: np.random.Generator
-) -> tuple[tuple[Mover, ...], tuple[str, ...]]:
-    movers, keys = [], []
+    grid: PlanGrid, pose: Array, models: Sequence[Model], rng: np.random.Generator
+) -> list[tuple[Mover, str]]:
+    passers = []
     for number in range(int(rng.choice(len(_PASSERS), p=_PASSERS))):
-        models = furniture.people(purpose)
         for _ in range(10):
             bearing = pose[2] + rng.normal(0.0, _ASIDE_RAD)
             at = pose[:2] + rng.uniform(*_NEAR_M) * np.array([math.cos(bearing), math.sin(bearing)])
             if grid.clearance_m(at)[0] > _CLEAR_M:
                 model = models[int(rng.integers(len(models)))]
                 facing = SE2(float(at[0]), float(at[1]), rng.uniform(-math.pi, math.pi))
-                movers.append(Mover(FIRST_MOVER_ID + number, furniture.piece(model), facing))
-                keys.append(model.key)
+                passers.append((Mover(FIRST_MOVER_ID + number, furniture.piece(model), facing), model.key))
                 break
-    return tuple(movers), tuple(keys)
+    return passers

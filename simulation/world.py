@@ -18,7 +18,8 @@ from edgemap.simulation.camera.film import CameraSetup, Effects
 from edgemap.simulation.envelope import Envelope, light_of
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.people import Walker, draw_walkers
-from edgemap.simulation.render.scene import Scene, Solid
+from edgemap.simulation.render.mesh import placed
+from edgemap.simulation.render.scene import Scene
 from edgemap.simulation.robot.explore import Habits, drive
 from edgemap.simulation.robot.motion import Limits, Sampled
 from edgemap.simulation.robot.nodding import nodding_of
@@ -104,11 +105,11 @@ class World:
 def build_scene(apartment: Apartment, seed: int) -> Scene:
     """Everything to light and draw, ids as in `apartment.furniture`."""
     shell = build_shell(apartment.before or apartment, np.random.default_rng([seed, 1]))
-    solids = list(shell.solids)
-    for item in apartment.furniture:
-        mesh, pose = furniture.piece(item.model, item.tint), item.pose_home_object
-        solids.append(Solid(item.id, mesh.placed(pose.x_m, pose.y_m, item.z_m, pose.yaw_rad)))
-    return Scene(shell.surfaces, tuple(solids), shell.lights)
+    pieces = {
+        item.id: placed(furniture.piece(item.model, item.tint), item.pose_home_object, item.z_m)
+        for item in apartment.furniture
+    }
+    return replace(shell, solids=shell.solids | pieces)
 
 
 def draw_world(seed: int, frames: int, choices: Choices | None = None) -> World:
@@ -126,64 +127,54 @@ def draw_world(seed: int, frames: int, choices: Choices | None = None) -> World:
             continue
         grid = PlanGrid(apartment)
         for number in range(_DRIVES):
-            world = _draw_drive(seed, home_seed, number, frames, apartment, grid, choices)
+            seeds = seed, home_seed, number
+            world = _draw_drive(seeds, frames, apartment, grid, choices)
             if world is None:
                 continue
             if choices.moved:
-                world = _after_moving(world, number, frames, choices)
+                world = _after_moving(world, seeds, frames, choices)
             tilts = nodding_of(world.motion, (seed, home_seed, 8)) if choices.nodding else None
             return replace(world, tilts=tilts, imu=choices.imu)
     raise SimulationError(f"seed {seed}: none of {_HOMES} homes offers a drive of {_LEAST_WAY_M:.0f} m")
 
 
-def _after_moving(before: World, number: int, frames: int, choices: Choices) -> World:
+def _after_moving(before: World, seeds: tuple[int, int, int], frames: int, choices: Choices) -> World:
     """Another drive with the same camera, light and robot, through the home with some of its furniture moved."""
-    seed, home_seed = before.seed, before.home_seed
+    seed, home_seed, _ = seeds
+    eased = replace(choices, contract=False)
     for turn in range(1, _DRIVES + 1):
-        apartment, changes = move_furniture(
-            before.apartment, choices.moved, np.random.default_rng([seed, home_seed, choices.moved, turn, 6])
-        )
-        grid = PlanGrid(apartment)
-        eased = replace(choices, contract=False)
-        world = _draw_drive(seed, home_seed, number, frames, apartment, grid, eased, (turn,))
+        rng = np.random.default_rng([seed, home_seed, choices.moved, turn, 6])
+        apartment, changes = move_furniture(before.apartment, choices.moved, rng)
+        world = _draw_drive(seeds, frames, apartment, PlanGrid(apartment), eased, turn)
         if world is not None:
             return replace(world, changes=changes, start_before=before.poses()[0])
     raise SimulationError(f"seed {seed}: no drive through its home with {choices.moved} pieces moved")
 
 
 def _draw_drive(
-    seed: int,
-    home_seed: int,
-    number: int,
-    frames: int,
-    apartment: Apartment,
-    grid: PlanGrid,
-    choices: Choices,
-    turn: tuple[int, ...] = (),
+    seeds: tuple[int, int, int], frames: int, apartment: Apartment, grid: PlanGrid, choices: Choices, *turn: int
 ) -> World | None:
-    rng = np.random.default_rng([seed, home_seed, number, 1])
+    """seeds: the world's, the home's, and the number of the drive. turn: of the try after furniture was moved."""
+    seed, home_seed, _ = seeds
+    rng = np.random.default_rng([*seeds, 1])
     camera = choices.camera or _ENVELOPE.draw_camera(rng)
-    if choices.mount is not None:
-        camera = replace(camera, mount=choices.mount)
-    camera = replace(camera, rate_hz=choices.rate_hz or camera.rate_hz)
+    camera = replace(camera, mount=choices.mount or camera.mount, rate_hz=choices.rate_hz or camera.rate_hz)
     light = light_of(choices.light, rng) if choices.light else _ENVELOPE.draw_light(rng)
     effects = choices.effects or _ENVELOPE.draw_effects(rng, light)
     limits = choices.limits or _ENVELOPE.draw_limits(rng)
     drawn = int(rng.choice(len(_ENVELOPE.people), p=_ENVELOPE.people))
     sight = VisibilityEstimate(apartment, grid, camera.intrinsics, camera.mount)
-    way = [seed, home_seed, number, 2, *turn]
+    way, seconds = [*seeds, 2, *turn], frames / camera.rate_hz
     try:
-        motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S, choices.habits)
+        motion = drive(sight, limits, np.random.default_rng(way), _CONTRACT_S, choices.habits)
         if choices.contract and not _fulfils(motion, sight):
             return None
-        seconds = frames / camera.rate_hz + _SPARE_S
-        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds, choices.habits)
+        motion = drive(sight, limits, np.random.default_rng(way), seconds + _SPARE_S, choices.habits)
     except SimulationError:
         return None
     people = drawn if choices.people is None else choices.people
     models = furniture.people(purpose_of(home_seed))
-    seconds = frames / camera.rate_hz
-    walkers = draw_walkers(grid, models, people, motion, seconds, (seed, home_seed, number, 5, *turn))
+    walkers = draw_walkers(grid, models, people, motion, seconds, (*seeds, 5, *turn))
     return World(seed, home_seed, apartment, camera, effects, light, motion, frames, walkers)
 
 

@@ -11,7 +11,7 @@ from edgemap.export.detector.network import load_detector
 from edgemap.export.floor.head import STRIDES
 from edgemap.export.floor.merge import floor_taps
 from edgemap.export.onnx_export import free_rows
-from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.network import Compute, Network
 from edgemap.runtime.network.preprocess import Placement, Preprocessor, rows_of
 
@@ -57,7 +57,7 @@ class Features:
         for value in (model.graph.input[0], *model.graph.output):
             size = value.type.tensor_type.shape.dim[2]
             size.dim_value = size.dim_value * rows // self._input.height
-        return open_onnxruntime(model.SerializeToString(), Compute(self._threads))
+        return open_network(model.SerializeToString(), Compute(self._threads))
 
 
 def _filled(part: Float, tap: Tensor4, above: float) -> Float:

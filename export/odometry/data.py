@@ -15,7 +15,7 @@ from edgemap.export.errors import ExportError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs.cameras.pictures import drive_camera
 from edgemap.runtime.inputs.drives import Drive, open_drive
-from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.preprocess import Preprocessor
 
@@ -53,7 +53,7 @@ class FeatureStore:
         self.mirror = np.where(np.arange(self.shape[1]) % values, 1.0, -1.0).astype(np.float32) if raw else None
         about = f"{FORMAT} {hashlib.sha256(model).hexdigest()} {self.input} {self._name}"
         self.folder = folder / hashlib.sha256(about.encode()).hexdigest()[:16]
-        self._network = open_onnxruntime(model, Compute(threads))
+        self._network = open_network(model, Compute(threads))
 
     def load(self, specs: Sequence[str], first: int = 0, frames: int | None = None) -> list[FeatureDrive]:
         """All drives `KIND:DIR`; missing features are computed. Raises ExportError or CameraError."""

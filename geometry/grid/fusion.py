@@ -2,16 +2,17 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import SparseDepth
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.grid.canvas import Canvas, saved_patch
+from edgemap.geometry.grid.canvas import Canvas, additions, saved_patch
 from edgemap.geometry.grid.floor_scan import FloorScan, depth_evidence
 from edgemap.geometry.grid.occupancy_grid import GridRule, OccupancyGrid
-from edgemap.geometry.grid.patch import Cells, Evidence, Patch, columns_rows, joined, moved_m, repeated, summed
+from edgemap.geometry.grid.patch import Cells, Evidence, Patch, columns_rows, placed, repeated, summed
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, nearest_earlier
@@ -32,8 +33,8 @@ class GridFusion:
         self.rule = rule or GridRule()
         self.scan: FloorScan | None = None
         self._patches: list[Patch] = []
-        self._canvas = Canvas(self.rule)
-        self._drawing: Iterator[Canvas | None] | None = None
+        self._canvas, self._newest = Canvas(self.rule), Canvas(self.rule, evidence=True)  # the latter since `_began`
+        self._drawing: Iterator[None] | None = None
         self._revision = 0
         self._shown: OccupancyGrid | None = None
         self._last: tuple[SE2, float] | None = None  # pose and stamp of the last picture that was fused
@@ -54,9 +55,8 @@ class GridFusion:
         self.scan = None
         if self._drawing is None:
             self._bound()
-        elif (canvas := next(self._drawing)) is not None:
-            self._drawing, self._canvas = None, canvas
-            self._revision += 1
+        else:
+            next(self._drawing, None)
         if not self._is_due(pose_map_base, stamp_s):
             return
         if self._began is not None and not (self._began[0].inverse() @ pose_map_base).is_within(self.rule.patch_m):
@@ -77,7 +77,10 @@ class GridFusion:
             floor, hits = (columns_rows(pose_map_base.apply(points_m), rule.cell_m) for points_m in both_m)
             free.append((floor, rule.free))
             occupied.append((repeated(hits), rule.occupied))  # a single one may lie between an edge and its background
-        self._canvas.add(*summed(free, occupied))
+        changed, steps = summed(free, occupied)
+        changes = additions(steps, rule)
+        self._canvas.add(changed, changes)
+        self._newest.add(changed, changes)
         self._revision += 1
 
     def moved(self, past: TrajectoryCorrection) -> None:
@@ -123,8 +126,9 @@ class GridFusion:
 
     def _close_patch(self) -> None:
         """Keeps the newest patch; the next evidence begins another one."""
-        if self._began is not None and len(patch := self._canvas.take_patch(self._began[1], self._began[0])):
+        if self._began is not None and len(patch := self._newest.patch(self._began[1], self._began[0])):
             self._patches.append(patch)
+            self._newest = Canvas(self.rule, evidence=True)
         self._began = None
 
     def _bound(self) -> None:
@@ -132,27 +136,33 @@ class GridFusion:
         places, not by the length of the drive. The joined evidence has the later one's age."""
         saved = sum(patch.stamp_s == -math.inf for patch in self._patches)
         if len(self._patches) - saved > PATCHES:
-            poses = np.array([patch.pose.vector() for patch in self._patches[saved : -PATCHES // 2]])
+            poses = np.array([(patch.move @ patch.began).vector() for patch in self._patches[saved : -PATCHES // 2]])
             ((gone, kept),) = nearest_earlier(poses, 1).items()
             first, second = self._patches[saved + kept], self._patches[saved + gone]
-            self._patches[saved + gone] = joined(first, second, self.rule.cell_m)
+            both = Canvas(self.rule, evidence=True)
+            both.add(first.cells, first.changes)
+            both.add(placed(second.cells, first.move.inverse() @ second.move, self.rule.cell_m), second.changes)
+            joined = both.patch(first.stamp_s, first.began)
+            self._patches[saved + gone] = replace(joined, move=first.move, drawn=first.drawn)
             del self._patches[saved + kept]
 
     def _moved_patches(self) -> None:
         """Draw the grid again where a patch no longer lies where it was drawn."""
-        if moved_m(self._patches, self.rule.cell_m) > self.rule.cell_m / 2.0:
+        cell_m = self.rule.cell_m
+        if any(patch.moved_m(cell_m) > cell_m / 2.0 for patch in self._patches):
             self._drawing = self._drawn()
 
-    def _drawn(self) -> Iterator[Canvas | None]:
-        """Draws all patches, some in each step, then yields the canvas. Evidence added meanwhile is drawn last."""
+    def _drawn(self) -> Iterator[None]:
+        """Draws all patches, some in each step, then shows them. Evidence added meanwhile is drawn last."""
         canvas, cells = Canvas(self.rule), 0
-        yield None  # the step of a correction has enough to do
+        yield  # the step of a correction has enough to do
         for patch in self._patches:
             if cells >= REDRAW_CELLS:
                 cells = 0
-                yield None
+                yield
             canvas.draw(patch)
             patch.drawn = patch.move
             cells += len(patch)
-        canvas.draw(self._canvas.take_patch(0.0, SE2()), newest=True)
-        yield canvas
+        canvas.draw(self._newest.patch(0.0, SE2()))
+        self._canvas, self._drawing = canvas, None
+        self._revision += 1

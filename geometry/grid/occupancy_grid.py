@@ -95,14 +95,12 @@ class OccupancyGrid:
 
     def scaled(self, factor: float) -> "OccupancyGrid":
         """The grid times `factor` about the map's origin, in cells of the same size: each takes the nearest old one."""
-        shape = self.log_odds.shape[1], self.log_odds.shape[0]
-        low = np.array([self.x_m, self.y_m])
-        ends = np.array([low, low + np.array(shape) * self.cell_m]) * (factor / self.cell_m)
-        first, last = np.floor(ends[0] + 1e-6).astype(int), np.ceil(ends[1] - 1e-6).astype(int)
-        old = [
-            ((np.arange(first[axis], last[axis]) + 0.5) * self.cell_m / factor - low[axis]) / self.cell_m
-            for axis in range(2)
-        ]
-        columns, rows = (np.clip(np.floor(old[axis] + 1e-9).astype(int), 0, shape[axis] - 1) for axis in range(2))
+        low, shape = np.array([self.x_m, self.y_m]) / self.cell_m, np.array(self.log_odds.shape[::-1])
+        first = np.floor(low * factor + 1e-6).astype(int)
+        last = np.ceil((low + shape) * factor - 1e-6).astype(int)
+        columns, rows = (
+            np.clip(np.floor((np.arange(start, end) + 0.5) / factor - old + 1e-9).astype(int), 0, count - 1)
+            for start, end, old, count in zip(first, last, low, shape, strict=True)
+        )
         x_m, y_m = (first * self.cell_m).tolist()
         return replace(self, log_odds=self.log_odds[np.ix_(rows, columns)], x_m=x_m, y_m=y_m)

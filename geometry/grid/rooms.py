@@ -28,6 +28,8 @@ OBJECT_SHARE = 0.85  # of an object's radius: occupied cells there are the objec
 
 Mask = NDArray[np.bool_]
 Point = tuple[float, float]
+_Window = tuple[slice, slice]  # rows and columns of the lattice
+_Cut = tuple[int, int, _Window]  # across a window, before a row (axis 0) or a column (axis 1): the axis, and which
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,27 +76,6 @@ class Disc(NamedTuple):
     x_m: float
     y_m: float
     radius_m: float
-
-
-class _Window(NamedTuple):
-    """Rows top to bottom and columns left to right of the lattice, ends excluded."""
-
-    top: int
-    bottom: int
-    left: int
-    right: int
-
-    @property
-    def cells(self) -> tuple[slice, slice]:
-        return slice(self.top, self.bottom), slice(self.left, self.right)
-
-
-class _Cut(NamedTuple):
-    """A line below row `at`, or next to a column of it (upright), over a window."""
-
-    upright: bool
-    at: int
-    window: _Window
 
 
 class _Lines(NamedTuple):
@@ -145,13 +126,13 @@ def floor_parts(
     floor, occupied = part & (cells == FREE), part & (cells == OCCUPIED)
     windows, cuts = _cut_up(floor, floor | taken, occupied & ~taken, cell_m, fine)
     owner, from_origin_m = np.zeros(cells.shape, np.intp), np.hypot(x_m, y_m[:, None])
-    parts = [(window, _without_specks(floor[window.cells], cell_m)) for window in windows]
-    parts.sort(key=lambda part: from_origin_m[part[0].cells][part[1]].min())
+    parts = [(window, _without_specks(floor[window], cell_m)) for window in windows]
+    parts.sort(key=lambda part: from_origin_m[part[0]][part[1]].min())
     near, rooms, doors = [(place_m - low_m, radius_m) for place_m, radius_m in placed], list[Room](), list[Door]()
     for number, (window, mine) in enumerate(parts, 1):
-        owner[window.cells][mine] = number
+        owner[window][mine] = number
         rooms.append(Room(str(number), _points(_box(window, mine, near, cells.shape, cell_m) + low_m, turn)))
-    for ends_m, sides in (door for cut in cuts for door in _doors(cut, floor, occupied & ~taken, owner, cell_m)):
+    for ends_m, sides in (door for cut in cuts for door in _doors(*cut, floor, occupied & ~taken, owner, cell_m)):
         from_m, to_m = _points(ends_m + low_m, turn)
         doors.append(Door(str(len(doors) + 1), from_m, to_m, sides, passable(grid, from_m, to_m)))
     return tuple(rooms), tuple(doors)
@@ -213,28 +194,29 @@ def _lattice(grid: OccupancyGrid, turn: Array) -> tuple[Array, Array, Array]:
 
 def _cut_up(floor: Mask, through: Mask, wall: Mask, cell_m: float, fine: bool) -> tuple[list[_Window], list[_Cut]]:
     """The windows of the rooms, and the cuts between them. through: floor and what stands on it."""
-    waiting, windows, cuts = [_Window(0, len(floor), 0, len(floor[0]))], list[_Window](), list[_Cut]()
+    waiting, windows, cuts = [(slice(0, len(floor)), slice(0, len(floor[0])))], list[_Window](), list[_Cut]()
     while waiting:
         window = waiting.pop()
-        masks = [mask[window.cells] for mask in (floor, through, wall)]
+        masks = [mask[window] for mask in (floor, through, wall)]
         if not _without_specks(masks[0], cell_m).any():
             continue
-        lines = [_best_line(*some, cell_m, fine) for some in (masks, [mask.T for mask in masks])]
-        upright = lines[1][0] > lines[0][0]
-        if lines[upright][0] < 0.0:
+        lines = [_best_line(some, cell_m, fine) for some in (masks, [mask.T for mask in masks])]
+        axis = int(lines[1][0] > lines[0][0])
+        if lines[axis][0] < 0.0:
             windows.append(window)
             continue
-        first, last = ("left", "right") if upright else ("top", "bottom")
-        at = getattr(window, first) + lines[upright][1]
-        cuts.append(_Cut(upright, at, window))
-        waiting += [window._replace(**{last: at}), window._replace(**{first: at})]
+        side = window[axis]
+        at = side.start + lines[axis][1]
+        cuts.append((axis, at, window))
+        for part in (slice(side.start, at), slice(at, side.stop)):
+            waiting.append((window[0], part) if axis else (part, window[1]))
     return windows, cuts
 
 
-def _best_line(floor: Mask, through: Mask, wall: Mask, cell_m: float, fine: bool) -> tuple[float, int]:
+def _best_line(masks: list[Mask], cell_m: float, fine: bool) -> tuple[float, int]:
     """The row along which to cut, with its metres of wall less those of floor across it; negative where none is good:
-    each side needs the floor of a room."""
-    lines = _lines(through, wall, cell_m)
+    each side needs the floor of a room. masks: floor, through and wall as in `_cut_up`."""
+    floor, lines = masks[0], _lines(masks[1], masks[2], cell_m)
     count = len(floor)
     jambs = np.bincount(lines.line, lines.jambs, count)
     wall_m = lines.wall.sum(axis=1) * cell_m
@@ -267,10 +249,9 @@ def _lines(through: Mask, wall: Mask, cell_m: float) -> _Lines:
 def _box(window: _Window, seen: Mask, discs: list[tuple[Array, float]], shape: tuple[int, ...], cell_m: float) -> Array:
     """Corners (4, 2) of a room, metres from the lattice's corner: around its cells and the objects near them, up to the
     cuts that are near."""
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    low = np.array([window.left + columns[0], window.top + rows[0]]) * cell_m
-    high = np.array([window.left + columns[-1] + 1, window.top + rows[-1] + 1]) * cell_m
-    first, last = np.array([window.left, window.top]) * cell_m, np.array([window.right, window.bottom]) * cell_m
+    ends = np.array([(part.start, part.stop) for part in window[::-1]]).T
+    cells, (first, last) = np.argwhere(seen)[:, ::-1] + ends[0], ends * cell_m
+    low, high = cells.min(axis=0) * cell_m, (cells.max(axis=0) + 1) * cell_m
     for place, radius_m in discs:
         away = np.maximum(low - place, place - high).max()
         if away <= 2.0 * BEYOND_M and (place >= first).all() and (place < last).all():
@@ -282,19 +263,19 @@ def _box(window: _Window, seen: Mask, discs: list[tuple[Array, float]], shape: t
 
 
 def _doors(
-    cut: _Cut, floor: Mask, wall: Mask, owner: NDArray[np.intp], cell_m: float
+    axis: int, at: int, window: _Window, floor: Mask, wall: Mask, owner: NDArray[np.intp], cell_m: float
 ) -> list[tuple[Array, tuple[str, str]]]:
     """The doors in a cut: their ends (2, 2), metres from the lattice's corner, and the numbers of their rooms."""
-    reach, left, right = 4 * ASIDE_CELLS, cut.window.left, cut.window.right
-    if cut.upright:
-        floor, wall, owner, left, right = floor.T, wall.T, owner.T, cut.window.top, cut.window.bottom
-    strip = slice(max(cut.at - reach, 0), min(cut.at + reach, len(floor))), slice(left, right)
-    lines, middle, found = _lines(floor[strip], wall[strip], cell_m), cut.at - strip[0].start, []
+    if axis:
+        floor, wall, owner = floor.T, wall.T, owner.T
+    reach, along = 4 * ASIDE_CELLS, window[1 - axis]
+    strip = slice(max(at - reach, 0), min(at + reach, len(floor))), along
+    lines, middle, found = _lines(floor[strip], wall[strip], cell_m), at - strip[0].start, []
     for line, first, last in zip(lines.line, lines.first, lines.last, strict=True):
         if line == middle and DOOR_M[0] <= (last - first) * cell_m <= DOOR_M[1]:
             sides = [part[:, first:last] for part in np.split(owner[strip], [middle])]
             rooms = [int(np.bincount(side[side > 0]).argmax()) if side.any() else 0 for side in sides]
-            ends = np.array([[left + first, cut.at], [left + last, cut.at]]) * cell_m
+            ends = np.array([[along.start + first, at], [along.start + last, at]]) * cell_m
             if 0 not in rooms and rooms[0] != rooms[1]:
-                found.append((ends[:, ::-1] if cut.upright else ends, (str(rooms[0]), str(rooms[1]))))
+                found.append((ends[:, ::-1] if axis else ends, (str(rooms[0]), str(rooms[1]))))
     return found

@@ -60,12 +60,11 @@ def fit_walls(points_m: Array, cell_m: float) -> tuple[Wall, ...]:
             break
         angle, offset = divmod(at, width)
         parts = _parts(points_m, left, normals[angle], (offset + low) * cell_m, cell_m)
-        taken = np.concatenate([cells for _, cells in parts]) if parts else np.zeros(0, np.intp)
-        walls += [wall for wall, _ in parts]
-        if len(taken):
+        for wall, taken in parts:
+            walls.append(wall)
             left[taken] = False
             np.subtract.at(votes, bins[taken].ravel(), 1)
-        else:
+        if not parts:
             votes[at] = 0
     return tuple(sorted(walls, key=lambda wall: -wall.length_m))
 

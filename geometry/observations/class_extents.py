@@ -1,6 +1,11 @@
 """Usual dimensions of a class: footprint, apparent width, and distance from the lower edge to the centre."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
 
 # Usual footprint of a class, width and depth in metres; a class without one gets the box's width for both.
 FOOTPRINT_M = {
@@ -25,48 +30,47 @@ HEIGHT_M = {
 TABLES, SEATS = frozenset({"dining table"}), frozenset({"chair", "bench"})
 
 
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """Apparent shape of a class for a camera near the floor, all in metres.
+class Shapes(NamedTuple):
+    """Apparent shapes of objects for a camera near the floor, (N,) each, all in metres.
 
     reach, reach_per_width: the middle of the footprint lies `reach + reach_per_width * apparent width` behind the
     middle of the box's lower edge. width, width_sigma: usual apparent width (eq. 4), over all sides.
     """
 
-    reach: float
-    reach_per_width: float
-    width: float
-    width_sigma: float
+    reach: Array
+    reach_per_width: Array
+    width: Array
+    width_sigma: Array
 
-    def reach_m(self, width_m: float) -> float:
-        """Distance from the box's lower edge to the centre of the footprint, for an apparent width."""
+    def reach_m(self, widths_m: Array) -> Array:
+        """Distance from the box's lower edge to the centre of the footprint, for apparent widths."""
         widest = self.width + 2.0 * self.width_sigma
-        return max(self.reach + self.reach_per_width * min(width_m, widest), 0.0)
+        return np.maximum(self.reach + self.reach_per_width * np.minimum(widths_m, widest), 0.0)
 
-    def missing_m(self, width_m: float) -> float:
+    def missing_m(self, widths_m: Array) -> Array:
         """Part of the usual width that an apparent width lacks."""
-        return max(self.width - width_m, 0.0)
+        return np.maximum(self.width - widths_m, 0.0)
 
-    def cut_sigma_m(self, width_m: float) -> float:
+    def cut_sigma_m(self, widths_m: Array) -> Array:
         """Standard deviation of the centre of an object that the picture's border cuts."""
-        return 0.5 * self.width_sigma + 0.25 * self.missing_m(width_m)
+        return 0.5 * self.width_sigma + 0.25 * self.missing_m(widths_m)
 
 
 # Least squares on about 2,000 clean boxes (not cut by the picture, nothing hidden, nearer than 6 m) of the 2,712 in 22
 # rendered homes, seeds 8000-8021, training furniture. Some classes had few: bed 13, toilet 6, refrigerator 26; those
-# are rounded by judgement.
+# are rounded by judgement. Fields of `Shapes`.
 MEASURED = {
-    "backpack": Shape(0.06, 0.00, 0.30, 0.06),
-    "bed": Shape(1.18, -0.20, 1.05, 0.36),
-    "chair": Shape(0.13, 0.23, 0.58, 0.14),
-    "couch": Shape(0.87, -0.15, 1.61, 0.35),
-    "dining table": Shape(0.08, 0.36, 0.95, 0.32),
-    "oven": Shape(0.33, 0.00, 0.57, 0.14),
-    "potted plant": Shape(0.12, 0.00, 0.48, 0.21),
-    "refrigerator": Shape(0.31, 0.00, 0.79, 0.14),
-    "suitcase": Shape(0.12, 0.25, 0.49, 0.18),
-    "toilet": Shape(0.15, 0.00, 0.50, 0.15),
-    "vase": Shape(0.06, 0.00, 0.28, 0.06),
+    "backpack": (0.06, 0.00, 0.30, 0.06),
+    "bed": (1.18, -0.20, 1.05, 0.36),
+    "chair": (0.13, 0.23, 0.58, 0.14),
+    "couch": (0.87, -0.15, 1.61, 0.35),
+    "dining table": (0.08, 0.36, 0.95, 0.32),
+    "oven": (0.33, 0.00, 0.57, 0.14),
+    "potted plant": (0.12, 0.00, 0.48, 0.21),
+    "refrigerator": (0.31, 0.00, 0.79, 0.14),
+    "suitcase": (0.12, 0.25, 0.49, 0.18),
+    "toilet": (0.15, 0.00, 0.50, 0.15),
+    "vase": (0.06, 0.00, 0.28, 0.06),
 }
 
 
@@ -86,9 +90,10 @@ def shares_floor(a: str, b: str) -> bool:
     return {a, b} <= TABLES | SEATS and (a in TABLES) != (b in TABLES)
 
 
-def shape_of(label: str, width_m: float) -> Shape:
-    """The shape of a class as measured; else guessed from its usual footprint; else from its apparent width."""
-    if label in MEASURED:
-        return MEASURED[label]
-    wide, deep = footprint_m(label, width_m)
-    return Shape(deep / 2.0, 0.0, (wide + deep) / 2.0, 0.3 * wide)
+def shapes_of(labels: Sequence[str], widths_m: Array) -> Shapes:
+    """The shapes of classes as measured; else guessed from the usual footprint; else from the apparent widths (N,)."""
+    shapes = []
+    for label, width_m in zip(labels, widths_m.tolist(), strict=True):
+        wide, deep = footprint_m(label, width_m)
+        shapes.append(MEASURED.get(label, (deep / 2.0, 0.0, (wide + deep) / 2.0, 0.3 * wide)))
+    return Shapes(*np.array(shapes).T)

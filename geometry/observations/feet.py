@@ -1,10 +1,7 @@
-"""Position of a box's foot on the floor: by its lower edge, by its class's usual width, by depth.
-
-Each model takes a box and the foot that the models before it have placed, and gives the foot with what it measures.
-"""
+"""Positions of boxes' feet on the floor: by their lower edges, by their classes' usual width, by depth."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +9,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import NEAREST_M
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.observations.class_extents import Shape
+from edgemap.geometry.observations.class_extents import Shapes
 
 SURFACE_SHARE = 0.5  # of the way to its middle, give or take as much: how far behind its lower edge an object is seen
 HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
@@ -23,111 +20,99 @@ NEAR_QUANTILE = 0.3  # what shows through an object lies behind it
 DEPTH_M, DEPTH_PER_M2 = 0.02, 0.004  # standard deviation of a measured range: constant, and with its square
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Foot:
-    """position_m (2,), covariance_m2 (2, 2): of the middle of a lower edge on the floor, base frame. range_m: from the
-    lens, by the lower edge alone."""
+class BoxesOnFloor(NamedTuple):
+    """Boxes whose lower edges the camera projects to the floor, (N,) of each unless stated.
 
-    position_m: Array
-    covariance_m2: Array
-    range_m: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BoxOnFloor:
-    """A box whose lower edge the camera projects to the floor.
-
-    lens_m, edge_m (2,), edge_m2 (2, 2): the lens and that projection, base frame; direction (2,), reach_m: from the one
-    to the other. width_m, height_m: apparent, there (the paper's eq. 4). extent_m: the longer side of its class's usual
-    footprint. cut: by the picture's left or right border. cover: share of the lower edge that nearer boxes cover.
-    nearest_m: the nearest range at which its foot may be: `reach_m` where floor begins below the edge, less where
-    something stands before it or the picture ends. measured_m, measured_sigma_m: range of what the box shows by depth;
-    NaN where there is none.
+    rows: of the detections. shapes (N, 4): usual ones, `Shapes`. extents_m: the longer side of their classes' usual
+    footprint. edges_m (N, 2), edges_m2 (N, 2, 2): the middles of the lower edges there, base frame, and covariances by
+    the box; shared_m2 (N, 2, 2): those by the mount. directions (N, 2), reach_m: from the lens to them. sizes_m (N, 2):
+    apparent width and height there (the paper's eq. 4). cut: by the picture's left or right border. cover: share of the
+    lower edge that nearer boxes cover. nearest_m: the nearest range at which the foot may be: `reach_m` where floor
+    begins below the edge, less where something stands before it or the picture ends. ranges_m (N, 2): by depth, as
+    `box_ranges` returns them.
     """
 
-    shape: Shape
-    lens_m: Array
-    edge_m: Array
-    edge_m2: Array
-    direction: Array
-    reach_m: float
-    width_m: float
-    height_m: float
-    extent_m: float
-    cut: bool
-    cover: float
-    nearest_m: float
-    measured_m: float
-    measured_sigma_m: float
+    rows: NDArray[np.intp]
+    shapes: Array
+    extents_m: Array
+    edges_m: Array
+    edges_m2: Array
+    shared_m2: Array
+    directions: Array
+    reach_m: Array
+    sizes_m: Array
+    cut: NDArray[np.bool_]
+    cover: Array
+    nearest_m: Array
+    ranges_m: Array
 
     @property
-    def is_out_of_sight(self) -> bool:
+    def out_of_sight(self) -> NDArray[np.bool_]:
         """Whether the foot itself is not in view."""
         return self.nearest_m < self.reach_m
 
     @property
-    def is_hidden(self) -> bool:
+    def hidden(self) -> NDArray[np.bool_]:
         """Whether the foot of the object may be another place than the lower edge shows."""
-        return self.is_out_of_sight or self.cover > HIDDEN
+        return self.out_of_sight | (self.cover > HIDDEN)
 
     @property
-    def has_depth(self) -> bool:
+    def has_depth(self) -> NDArray[np.bool_]:
         """Whether depth shows the object."""
-        return bool(np.isfinite(self.measured_m))
+        return np.isfinite(self.ranges_m[:, 1])
 
-    def foot(self) -> Foot:
-        """The foot by all models that apply."""
-        foot = Foot(self.edge_m, self.edge_m2, self.reach_m)
-        if self.is_out_of_sight:
-            foot = behind_cover(self, foot)
-        if self.is_hidden and not self.cut:
-            foot = by_usual_width(self, foot)
-        return by_depth(self, foot) if self.has_depth else foot
-
-
-def behind_cover(box: BoxOnFloor, foot: Foot) -> Foot:
-    """Something nearer hides the foot, or the picture ends above it: the foot is anywhere between `nearest_m` and the
-    edge."""
-    range_m, sigma_m = (box.reach_m + box.nearest_m) / 2.0, (box.reach_m - box.nearest_m) / math.sqrt(12.0)
-    share, direction = range_m / box.reach_m, box.direction
-    along = np.outer(direction, direction)
-    across = np.eye(2) - along
-    covariance_m2 = across @ foot.covariance_m2 @ across * share**2 + along * sigma_m**2
-    return Foot(foot.position_m + direction * (range_m - box.reach_m), covariance_m2, range_m)
-
-
-def by_usual_width(box: BoxOnFloor, foot: Foot) -> Foot:
-    """The object is as wide as its class usually is, so its apparent width shows its range."""
-    usual_m = box.reach_m * box.shape.width / max(box.width_m, 1e-9)
-    return _ranged(foot, box.direction, usual_m - foot.range_m, usual_m * box.shape.width_sigma / box.shape.width)
+    def feet(self, lens_m: Array) -> tuple[Array, Array]:
+        """The feet by all that applies: positions (N, 2), base frame, and covariances (N, 2, 2). lens_m: (2,)."""
+        shapes, widths_m, reach_m = Shapes(*self.shapes.T), self.sizes_m[:, 0], self.reach_m
+        feet, hidden = (self.edges_m, self.edges_m2), self.hidden
+        if hidden.any():
+            # Something nearer hides it, or the picture ends above it: it is anywhere from `nearest_m` to the edge.
+            range_m, sigma_m = (reach_m + self.nearest_m) / 2.0, (reach_m - self.nearest_m) / math.sqrt(12.0)
+            along = self.directions[:, :, None] * self.directions[:, None]
+            across = np.eye(2) - along
+            scale2, sigma2 = ((values**2)[:, None, None] for values in (range_m / reach_m, sigma_m))
+            positions_m = self.edges_m + self.directions * (range_m - reach_m)[:, None]
+            covariances_m2 = across @ self.edges_m2 @ across * scale2 + along * sigma2
+            feet = positions_m, np.where(self.out_of_sight[:, None, None], covariances_m2, self.edges_m2)
+            # The object is as wide as its class usually is, so its apparent width shows its range.
+            usual_m = reach_m * shapes.width / np.maximum(widths_m, 1e-9)
+            usual_sigma_m = np.where(hidden & ~self.cut, usual_m * shapes.width_sigma / shapes.width, math.inf)
+            feet = _ranged(*feet, self.directions, usual_m - range_m, usual_sigma_m)
+        if self.has_depth.any():  # a surface some way behind the foot
+            behind_m, (measured_m, measured_sigma_m) = shapes.reach_m(widths_m) * SURFACE_SHARE, self.ranges_m.T
+            error_m = measured_m - behind_m - along_m(self.directions, feet[0] - lens_m)
+            feet = _ranged(*feet, self.directions, error_m, np.hypot(measured_sigma_m, behind_m))
+        return feet
 
 
-def by_depth(box: BoxOnFloor, foot: Foot) -> Foot:
-    """Depth shows a surface some way behind the foot."""
-    behind_m = box.shape.reach_m(box.width_m) * SURFACE_SHARE
-    error_m = box.measured_m - behind_m - float(box.direction @ (foot.position_m - box.lens_m))
-    return _ranged(foot, box.direction, error_m, math.hypot(box.measured_sigma_m, behind_m))
+def along_m(directions: Array, offsets_m: Array) -> Array:
+    """Lengths (N,) of offsets (N, 2) along directions (N, 2)."""
+    return (directions[:, None] @ offsets_m[:, :, None])[:, 0, 0]
 
 
-def _ranged(foot: Foot, direction: Array, error_m: float, sigma_m: float) -> Foot:
-    """A foot after a measured range: Kalman's update with one scalar.
+def _ranged(
+    positions_m: Array, covariances_m2: Array, directions: Array, errors_m: Array, sigmas_m: Array
+) -> tuple[Array, Array]:
+    """Feet after measured ranges: Kalman's update with one scalar each.
 
-    error_m: measured range less that of the foot, along the direction (2,); sigma_m: its standard deviation.
+    errors_m (N,): measured ranges less those of the feet, along the directions; sigmas_m (N,): their standard
+    deviations, infinite where nothing was measured.
     """
-    covariance_m2 = foot.covariance_m2
-    gain = covariance_m2 @ direction / (direction @ covariance_m2 @ direction + sigma_m**2)
-    position_m = foot.position_m + gain * error_m
-    return Foot(position_m, covariance_m2 - np.outer(gain, covariance_m2 @ direction), foot.range_m)
+    rays = directions[:, :, None]
+    seen = covariances_m2 @ rays
+    gains = seen / (directions[:, None] @ covariances_m2 @ rays + sigmas_m[:, None, None] ** 2)
+    return positions_m + gains[:, :, 0] * errors_m[:, None], covariances_m2 - gains * seen.transpose(0, 2, 1)
 
 
-def box_ranges(depth: NDArray[np.float32], boxes: Array, camera: FloorCamera) -> Array:
-    """Horizontal range from the lens to the object in each box, and its standard deviation, (N, 2) m; NaN where
-    unknown.
+def box_ranges(depth: NDArray[np.float32] | None, boxes: Array, camera: FloorCamera) -> Array:
+    """Horizontal range from the lens to the object in each box, and its standard deviation, (N, 2) m; 0 and infinity
+    where unknown.
 
-    depth: (H, W) metres along the optical axis, 0 or NaN where unknown. boxes: (N, 4), as of `Detections`.
+    depth: (H, W) metres along the optical axis, 0 or NaN where unknown; None without depth. boxes: (N, 4), as of
+    `Detections`, one at least.
     """
-    ranges = np.full((len(boxes), 2), np.nan)
-    if len(boxes) == 0:
+    ranges = np.tile([0.0, math.inf], (len(boxes), 1))
+    if depth is None:
         return ranges
     size = np.array([camera.intrinsics.width, camera.intrinsics.height], dtype=np.float64)
     low, high = np.clip(boxes[:, :2], 0.0, size), np.clip(boxes[:, 2:], 0.0, size)

@@ -1,8 +1,9 @@
 """From boxes to positions on the floor: which objects stand on it, their positions and covariances."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +11,12 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_m, shape_of
+from edgemap.geometry.observations.class_extents import WIDEST_M, Shapes, extent_m, shapes_of
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.feet import BoxOnFloor, box_ranges
+from edgemap.geometry.observations.feet import BoxesOnFloor, along_m, box_ranges
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.occlusion import WORKTOP_LABELS, carried, covered
-from edgemap.geometry.se2 import SE2
+from edgemap.geometry.se2 import SE2, by_pose
 
 NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
@@ -53,32 +54,14 @@ class Sighting:
     pictures: float = 1.0
     outline_base_m: Array | None = None
 
-    def placed(self, pose_map_base: SE2, pose_covariance: Array, mount: Mount | None = None) -> "PlacedSighting":
-        """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame.
-        mount: the mount whose angles placed it, None where the attitude is measured in each frame."""
-        rotation = pose_map_base.rotation()
-        return PlacedSighting(
-            self,
-            pose_map_base.apply(self.position_base_m),
-            rotation @ self.covariance_m2 @ rotation.T,
-            rotation @ self.shared_m2 @ rotation.T,
-            pose_map_base,
-            pose_covariance,
-            mount,
-        )
 
-
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PlacedSighting:
-    """A sighting in the map frame: position (2,), covariances (2, 2) of the sighting and of the mount, the pose of the
-    observing robot with its covariance (3, 3). mount: the mount whose angles placed it, None where the attitude is
-    measured in each frame.
+    """A sighting in the map, seen from a pose whose covariance (3, 3) (m, m, rad) is additive in the map frame. mount:
+    the mount whose angles placed it, None where the attitude is measured in each frame.
     """
 
     sighting: Sighting
-    position_map_m: Array
-    covariance_m2: Array
-    shared_m2: Array
     pose_map_base: SE2
     pose_covariance: Array
     mount: Mount | None = None
@@ -88,11 +71,25 @@ class PlacedSighting:
         """Class name of the object."""
         return self.sighting.label
 
-    def from_pose(self, pose_covariance: Array) -> Array:
-        """Propagates a pose covariance (3, 3) to this object's position, (2, 2) m^2."""
-        x_m, y_m = self.position_map_m - [self.pose_map_base.x_m, self.pose_map_base.y_m]
-        wrt_pose = np.array([[1.0, 0.0, -y_m], [0.0, 1.0, x_m]])
-        return wrt_pose @ pose_covariance @ wrt_pose.T
+    @cached_property
+    def position_map_m(self) -> Array:
+        """Position (2,)."""
+        return self.pose_map_base.apply(self.sighting.position_base_m)
+
+    @cached_property
+    def covariance_m2(self) -> Array:
+        """Covariance (2, 2) from the box alone."""
+        return self._turned(self.sighting.covariance_m2)
+
+    def total_m2(self) -> Array:
+        """Covariance (2, 2) with the errors of the mount and of the pose."""
+        (wrt_pose,) = by_pose((self.position_map_m - self.pose_map_base.vector()[:2])[None])
+        from_pose = wrt_pose @ self.pose_covariance @ wrt_pose.T
+        return self.covariance_m2 + self._turned(self.sighting.shared_m2) + from_pose
+
+    def _turned(self, covariance_m2: Array) -> Array:
+        rotation = self.pose_map_base.rotation()
+        return rotation @ covariance_m2 @ rotation.T
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,11 +136,6 @@ class BoxEvidence:
 EVERY_BOX = BoxEvidence()
 
 
-def _edge_px(camera: FloorCamera, rule: FloorRule) -> float:
-    """Standard deviation of a box's edge by the size of the picture, px."""
-    return rule.box.picture_share * max(camera.intrinsics.width, camera.intrinsics.height)
-
-
 def feet_px(detections: Detections) -> Array:
     """Middle of each box's lower edge as the lens counts pixels, from their centres, (N, 2) px."""
     boxes = detections.boxes
@@ -177,28 +169,35 @@ def sightings_of(
     depth: (H, W) metres, where the camera has it: the range of the object in a box is another measurement of its
     position. floor: the picture's floor mask, where the network predicts one.
     """
-    sightings = []
-    allowed = evidence.allowed(detections)
-    for row, box, shared_m2 in _on_floor(detections, allowed, camera, rule, depth, floor):
-        label, score, foot = detections.labels[row], float(detections.scores[row]), box.foot()
-        width_m, height_m = box.width_m, box.height_m
-        distance_m = float(np.linalg.norm(foot.position_m - box.lens_m))
-        if box.is_out_of_sight or box.has_depth:
-            nearer = float(box.direction @ (foot.position_m - box.lens_m)) / box.reach_m
-            width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
-        middle_m, covariance_m2 = box.shape.reach_m(width_m), foot.covariance_m2
-        if box.cut:  # and with it, often, its nearest corner
-            along_m = box.direction * box.shape.cut_sigma_m(box.width_m)
-            covariance_m2 = covariance_m2 + np.outer(along_m, along_m)
-        part, outline_m = box.is_hidden or box.cut, None
-        if width_m > 0.0 and not part:
+    rows = np.flatnonzero(camera.below_horizon(feet_px(detections)) & evidence.allowed(detections))
+    if not len(rows):
+        return []
+    boxes = _on_floor(detections, rows, camera, rule, depth, floor)
+    lens_m, shapes, part = camera.mount.position_base_m()[:2], Shapes(*boxes.shapes.T), boxes.hidden | boxes.cut
+    feet_m, covariances_m2 = boxes.feet(lens_m)
+    offsets_m = feet_m - lens_m
+    distances_m = np.sqrt(along_m(offsets_m, offsets_m))
+    nearer = along_m(boxes.directions, offsets_m) / boxes.reach_m  # than the edge, as a share
+    nearer = np.where(boxes.out_of_sight | boxes.has_depth, nearer, 1.0)
+    widths_m = boxes.sizes_m[:, 0] * nearer
+    heights_m = boxes.sizes_m[:, 1] * nearer + camera.mount.height_m * (1.0 - nearer)
+    positions_m = feet_m + boxes.directions * shapes.reach_m(widths_m)[:, None]
+    if boxes.cut.any():  # and with its side, often, its nearest corner
+        sides_m = boxes.directions * np.where(boxes.cut, shapes.cut_sigma_m(boxes.sizes_m[:, 0]), 0.0)[:, None]
+        covariances_m2 = covariances_m2 + sides_m[:, :, None] * sides_m[:, None]
+    sightings, labels = [], detections.labels
+    for at, row in enumerate(boxes.rows.tolist()):
+        label, score = labels[row], float(detections.scores[row])
+        outline_m = None
+        if widths_m[at] > 0.0 and not part[at]:
             x0, _, x1, y1 = detections.boxes[row] - 0.5  # pixel centres
-            outline_m = np.vstack([box.lens_m, camera.floor_points([(x0, y1), (x1, y1)])])
+            outline_m = np.vstack([lens_m, camera.floor_points([(x0, y1), (x1, y1)])])
         sightings.append(
             Sighting(
-                label, score, foot.position_m + box.direction * middle_m, covariance_m2, shared_m2,
-                width_m, height_m, box.extent_m, distance_m, row, frame, stamp_s,
-                evidence.weight(score, label) * (PART_COUNTS if part else 1.0), outline_base_m=outline_m,
+                label, score, positions_m[at], covariances_m2[at], boxes.shared_m2[at],
+                float(widths_m[at]), float(heights_m[at]), float(boxes.extents_m[at]), float(distances_m[at]),
+                row, frame, stamp_s, evidence.weight(score, label) * (PART_COUNTS if part[at] else 1.0),
+                outline_base_m=outline_m,
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)
@@ -206,51 +205,49 @@ def sightings_of(
 
 def _on_floor(
     detections: Detections,
-    allowed: NDArray[np.bool_],
+    rows: NDArray[np.intp],
     camera: FloorCamera,
     rule: FloorRule,
     depth: NDArray[np.float32] | None,
     floor: FloorMask | None,
-) -> Iterator[tuple[int, BoxOnFloor, Array]]:
-    """Boxes among the allowed ones (N,) whose lower edge is on the floor and that are not too wide for their class:
-    row of each, the box, and the covariance (2, 2) of the edge by the mount.
-    """
-    feet = feet_px(detections)
-    rows = np.flatnonzero(camera.below_horizon(feet) & allowed)
-    if len(rows) == 0:
-        return
-    boxes, feet = detections.boxes[rows], feet[rows]
-    low = boxes[:, 3] >= camera.intrinsics.height - 1 - _edge_px(camera, rule)  # cut by the picture's lower border
-    px_per_m = camera.intrinsics.fx / camera.optical_depth_m(camera.floor_points(feet))
-    sizes_px, labels = boxes[:, 2:] - boxes[:, :2], np.array(detections.labels)[rows].tolist()
-    widths_m = (sizes_px[:, 0] / px_per_m).tolist()
-    shapes = [shape_of(label, width_m) for label, width_m in zip(labels, widths_m, strict=True)]
-    cover = np.array([covered(detections.boxes, int(row)) for row in rows])
-    cut, across_px, sigmas_px = _edges(boxes, shapes, px_per_m, cover, camera, rule)
-    feet = feet + np.column_stack([across_px, np.zeros(len(feet))])
-    near = camera.floor_points(feet)
-    random, shared = floor_covariances(camera, feet, sigmas_px, rule.noise)
-    sizes_m = camera.optical_depth_m(near)[:, None] * sizes_px / [camera.intrinsics.fx, camera.intrinsics.fy]
-    lens = camera.mount.position_base_m()[:2]
-    bearings = near - lens
-    reach_m = np.linalg.norm(bearings, axis=1)
-    directions = bearings / np.maximum(reach_m, 1e-9)[:, None]
+) -> BoxesOnFloor:
+    """Those of the boxes of these rows, one at least, below the horizon, that are on the floor, and not too wide for
+    their class."""
+    boxes, feet, lens = detections.boxes[rows], feet_px(detections)[rows], camera.intrinsics
+    labels, sizes_px = [detections.names[kind] for kind in detections.class_ids[rows]], boxes[:, 2:] - boxes[:, :2]
+    px_per_m = lens.fx / camera.optical_depth_m(camera.floor_points(feet))
+    widths_m = sizes_px[:, 0] / px_per_m
+    shapes = shapes_of(labels, widths_m)
+    cover = np.array([covered(detections.boxes, row) for row in rows.tolist()])
+    # Which sides the picture cuts, how far across the true middle then is, and how sure that of the lower edge is.
+    edge_px = rule.box.picture_share * max(lens.width, lens.height)
+    left, right = boxes[:, 0] <= edge_px, boxes[:, 2] >= lens.width - edge_px
+    cut, low = left | right, boxes[:, 3] >= lens.height - 1 - edge_px
+    across_px = np.where(left == right, 0.0, np.where(right, 0.5, -0.5) * (shapes.missing_m(widths_m) * px_per_m))
+    cut_px = np.where(cut, shapes.cut_sigma_m(widths_m) * px_per_m, 0.0)
+    down_px = np.hypot(rule.box.down_share, rule.box.hidden_share * cover) * sizes_px[:, 1]
+    middles = feet + across_px[:, None] * [1.0, 0.0]
+    random, shared = floor_covariances(
+        camera, middles, np.hypot(edge_px, np.column_stack([cut_px, down_px])), rule.noise
+    )
+    near, lens_m = camera.floor_points(middles), camera.mount.position_base_m()[:2]
+    sizes_m = camera.optical_depth_m(near)[:, None] * sizes_px / [lens.fx, lens.fy]
+    reach_m = np.linalg.norm(near - lens_m, axis=1)
+    directions = (near - lens_m) / np.maximum(reach_m, 1e-9)[:, None]
+    begins_m = np.array([_floor_begins_m(box, camera, floor) for box in boxes])
     (xx, xy), (_, yy) = np.moveaxis(random + shared, 0, -1)
     sigmas_m = np.sqrt((xx + yy) / 2.0 + np.hypot((xx - yy) / 2.0, xy))  # along the longer axis
     nearest_share = 1.0 - 2.0 * sigmas_m / np.maximum(reach_m, 1e-9)  # two deviations
     widest_m = np.array([WIDEST_M.get(label, math.inf) for label in labels])
     # Half a pixel from the horizon, or perhaps at it; or wider than anything of that label: it is something else.
     good = np.isfinite(random).all(axis=(1, 2)) & (nearest_share >= 0.0) & (sizes_m[:, 0] * nearest_share <= widest_m)
-    ranges = np.full((len(boxes), 2), np.nan) if depth is None else box_ranges(depth, boxes, camera)
-    for at in np.flatnonzero(good).tolist():
-        far_m = float(reach_m[at])
-        nearest_m = min(NEAREST_M, 0.5 * far_m) if low[at] else min(_floor_begins_m(boxes[at], camera, floor), far_m)
-        width_m, height_m = sizes_m[at].tolist()
-        box = BoxOnFloor(
-            shapes[at], lens, near[at], random[at], directions[at], far_m, width_m, height_m,
-            extent_m(labels[at], widths_m[at]), bool(cut[at]), float(cover[at]), nearest_m, *ranges[at].tolist(),
-        )  # fmt: skip
-        yield int(rows[at]), box, shared[at]
+    found = BoxesOnFloor(
+        rows, np.transpose(shapes), np.array([extent_m(*one) for one in zip(labels, widths_m, strict=True)]),
+        near, random, shared, directions, reach_m, sizes_m, cut, cover,
+        np.where(low, np.minimum(NEAREST_M, 0.5 * reach_m), np.minimum(begins_m, reach_m)),
+        box_ranges(depth, boxes, camera),
+    )  # fmt: skip
+    return found if good.all() else BoxesOnFloor._make(values[good] for values in found)
 
 
 def _floor_begins_m(box: Array, camera: FloorCamera, floor: FloorMask | None) -> float:
@@ -261,24 +258,6 @@ def _floor_begins_m(box: Array, camera: FloorCamera, floor: FloorMask | None) ->
         return math.inf
     (place_m,) = camera.floor_points([((box[0] + box[2]) / 2.0 - 0.5, row - 0.5)])
     return float(np.linalg.norm(place_m - camera.mount.position_base_m()[:2]))
-
-
-def _edges(
-    boxes: Array, shapes: list[Shape], px_per_m: Array, cover: Array, camera: FloorCamera, rule: FloorRule
-) -> tuple[NDArray[np.bool_], Array, Array]:
-    """Which boxes the picture's sides cut (N,), how far across the true middle then is (N,), and the standard
-    deviations (N, 2) of the lower edges' middles, across and down; px."""
-    edge_px = _edge_px(camera, rule)
-    sizes = boxes[:, 2:] - boxes[:, :2]
-    left, right = boxes[:, 0] <= edge_px, boxes[:, 2] >= camera.intrinsics.width - edge_px
-    widths_m = (sizes[:, 0] / px_per_m).tolist()
-    missing_px = np.array([shape.missing_m(width) for shape, width in zip(shapes, widths_m, strict=True)]) * px_per_m
-    across_px = np.where(left == right, 0.0, np.where(right, 0.5, -0.5) * missing_px)
-    cut_px = np.array([shape.cut_sigma_m(width) for shape, width in zip(shapes, widths_m, strict=True)]) * px_per_m
-    down_px = np.hypot(rule.box.down_share, rule.box.hidden_share * cover) * sizes[:, 1]
-    sigmas_px = np.hypot(edge_px, np.column_stack([np.zeros(len(boxes)), down_px]))
-    sigmas_px[:, 0] = np.hypot(sigmas_px[:, 0], np.where(left | right, cut_px, 0.0))
-    return left | right, across_px, sigmas_px
 
 
 def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:

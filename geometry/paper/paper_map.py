@@ -63,6 +63,6 @@ class PaperMap:
             clusters.remove(other)
             self.merged = {old: kept.id if new == other.id else new for old, new in self.merged.items()}
             self.merged[other.id] = kept.id
-        kept.covariance_sum += placed.covariance_m2 + placed.shared_m2 + placed.from_pose(placed.pose_covariance)
+        kept.covariance_sum += placed.total_m2()
         kept.sums.add(placed)
         return kept.id

@@ -18,18 +18,14 @@ def append(path: Path, data: bytes, create: bool = True) -> None:
     """
     flags = os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW | (os.O_CREAT if create else 0)
     try:
-        handle = os.open(path, flags, 0o644)
-        try:
-            start = os.lseek(handle, 0, os.SEEK_END)
+        with open(path, "ab", buffering=0, opener=lambda name, _: os.open(name, flags, 0o644)) as file:
+            start, left = file.seek(0, os.SEEK_END), memoryview(data)
             try:
-                left = memoryview(data)
                 while left:
-                    left = left[os.write(handle, left) :]
+                    left = left[file.write(left) :]
             except OSError:
-                os.ftruncate(handle, start)
+                file.truncate(start)
                 raise
-        finally:
-            os.close(handle)
     except OSError as error:
         raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
 

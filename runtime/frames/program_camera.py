@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from typing import Any
 
@@ -14,7 +14,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo, FileCamera, Shot
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import LARGEST_STAMP_S, Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack
@@ -71,28 +71,26 @@ def described(value: Any) -> str:
     return f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
 
 
-class Stamps:
-    """Checks the stamps of a program's pictures: seconds that rise.
+class ProgramCamera(Camera):
+    """Pictures of a program, whose stamps are seconds that rise.
 
     Milliseconds or nanoseconds show as pauses between all of the first pictures.
     """
 
     PAUSE_S, PAUSES = 10.0, 3  # so long, and so many before any shorter one: no drive's pictures
+    _seconds = False  # whether a pause was shorter
 
-    def __init__(self) -> None:
-        self._last_s, self._count, self._seconds = -math.inf, 0, False
-
-    def checked(self, value: Any, name: str) -> float:
-        """A stamp in seconds after the last one. Raises CameraError."""
+    def _stamp(self, value: Any, name: str) -> float:
+        """A stamp in seconds after that of the last frame. Raises CameraError."""
         try:
             stamp_s = float(value)
         except (TypeError, ValueError):
             stamp_s = math.nan
         if not math.isfinite(stamp_s) or stamp_s <= self._last_s:
             raise CameraError(f"{name}={value!r}: expected seconds after the picture before, {self._last_s}")
-        pause_s, self._last_s, self._count = stamp_s - self._last_s, stamp_s, self._count + 1
+        pause_s = stamp_s - self._last_s
         self._seconds |= pause_s <= self.PAUSE_S
-        if abs(stamp_s) > LARGEST_STAMP_S or (not self._seconds and self._count > self.PAUSES):
+        if abs(stamp_s) > LARGEST_STAMP_S or (not self._seconds and self._delivered >= self.PAUSES):
             raise CameraError(
                 f"{name}={value!r}, {pause_s:g} s after the one before: stamps are seconds, not milliseconds or "
                 "nanoseconds"
@@ -100,48 +98,53 @@ class Stamps:
         return stamp_s
 
 
-def frames_camera(
-    frames: Iterable[Picture | tuple[float, Picture]],
-    intrinsics: IntrinsicsLike | None = None,
-    mount: MountLike | None = None,
-) -> FileCamera:
+class FramesCamera(ProgramCamera):
     """The pictures of an iterable, in order: BGR arrays, or (stamp_s, BGR array) pairs.
 
-    Those without stamps come ten a second. Raises CameraError where there is no picture, or the first is not an image;
-    reading raises it for an invalid one.
+    Those without stamps come ten a second. Raises CameraError where there is no picture, or the first is not an image.
     """
-    shots = _shots(frames)
-    if (first := next(shots, None)) is None:
-        raise CameraError("frames= has no picture")
-    height, width = first.image.shape[:2]
-    lens = None if intrinsics is None else as_intrinsics(intrinsics, width, height)
-    count = len(frames) if isinstance(frames, Sized) else None
-    pose = None if mount is None else as_mount(mount)
-    info = CameraInfo("frames", (width, height), lens, pose, rate_hz=DEFAULT_RATE_HZ, frame_count=count)
-    return FileCamera(info, chain([first], shots))
+
+    def __init__(self, frames: Iterable[Picture | tuple[float, Picture]]) -> None:
+        pictures: Iterator[Any] = iter(frames)
+        try:
+            first = next(pictures)
+        except StopIteration:
+            raise CameraError("frames= has no picture") from None
+        height, width = _timed(first, 0)[1].shape[:2]
+        count = len(frames) if hasattr(frames, "__len__") else None  # type: ignore[arg-type]
+        super().__init__(CameraInfo("frames", (width, height), rate_hz=DEFAULT_RATE_HZ, frame_count=count))
+        self._pictures: Iterator[Any] = chain([first], pictures)
+
+    def read(self) -> Frame | None:
+        """The next picture; None after the last. Raises CameraError for an invalid picture."""
+        for value in self._pictures:
+            name = f"frames[{self._delivered}]"
+            stamp_s, image = _timed(value, self._delivered)
+            return self.frame(image, self._stamp(stamp_s, f"{name}[0]"), name)
+        return None
+
+    def close(self) -> None:
+        """Deliver nothing more."""
+        self._pictures = iter(())
 
 
-def _shots(frames: Iterable[Any]) -> Iterator[Shot]:
-    """Raises CameraError for a picture or a stamp that is none."""
-    stamps = Stamps()
-    for number, value in enumerate(frames):
-        timed = isinstance(value, tuple) and len(value) == 2
-        stamp_s, image = value if timed else (number / DEFAULT_RATE_HZ, value)
-        image = as_picture(image, f"frames[{number}]" + "[1]" * timed)
-        yield Shot(image, stamps.checked(stamp_s, f"frames[{number}][0]"), f"frames[{number}]")
+def _timed(value: Any, number: int) -> tuple[Any, Picture]:
+    """The stamp, unchecked, and the picture of an item. Raises CameraError."""
+    if isinstance(value, tuple) and len(value) == 2:
+        return value[0], as_picture(value[1], f"frames[{number}][1]")
+    return number / DEFAULT_RATE_HZ, as_picture(value, f"frames[{number}]")
 
 
-class PushedCamera(Camera):
+class PushedCamera(ProgramCamera):
     """One picture at a time from a program with a loop; without one it is at its end.
 
     size and sensors are known from the first picture on.
     """
 
-    def __init__(self, intrinsics: IntrinsicsLike, mount: MountLike) -> None:
-        super().__init__(CameraInfo("pushed pictures", mount=as_mount(mount)))
+    def __init__(self, intrinsics: IntrinsicsLike, mount: Mount) -> None:
+        super().__init__(CameraInfo("pushed pictures", mount=mount))
         self._given = intrinsics
         self._pending: Frame | None = None
-        self._stamps = Stamps()
         self._track: GrowingTrack | None = None
 
     def give(self, image: Any, stamp_s: float, imu: Any = None, wheels: Any = None) -> None:
@@ -156,7 +159,7 @@ class PushedCamera(Camera):
         if pose is not None and not first and self._track is None:
             raise CameraError("wheels= was not given with the first picture: give it with every one, or with none")
         lens = as_intrinsics(self._given, width, height) if first else self.info.intrinsics
-        stamp_s = self._stamps.checked(stamp_s, "stamp_s")  # last: a refused picture has no stamp
+        stamp_s = self._stamp(stamp_s, "stamp_s")  # last: a refused picture has no stamp
         if first:
             self._track = None if pose is None else GrowingTrack()
             self.update_info(size=(width, height), intrinsics=lens, wheel=self._track)

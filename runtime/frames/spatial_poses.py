@@ -1,5 +1,7 @@
 """3-D poses of a camera or a base: as planar ones of the base (REP-103), and as the camera's attitude."""
 
+from typing import Literal
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -36,16 +38,32 @@ def up_vector(world_up: str | Array) -> Array:
     return vector
 
 
-def planarise_camera(poses_world_camera: Array, world_up: str | Array, mount: Mount | None) -> tuple[SE2, ...]:
-    """Camera-to-world poses as base poses relative to the first one: `pose_start_base`, the first the identity.
+def planarise(
+    poses: Array, world_up: str | Array, ahead: Literal["x", "z"], mount: Mount | None = None
+) -> tuple[SE2, ...]:
+    """Poses to the world, (N, 4, 4), metres, as `pose_start_base`: base poses relative to the first one.
 
-    poses_world_camera: (N, 4, 4), optical camera axes (x right, y down, z forward), metres. The heading is the
-    horizontal part of the optical axis; the mount's lever arm (none without a mount) takes the lens to the turn axis.
-    Raises CameraError where the camera looks straight up or down.
+    ahead: axis that points ahead, x of a base (REP-103), z of a lens (optical: x right, y down, z forward); its
+    horizontal part is the heading. mount: of that lens, whose lever arm takes it to the turn axis (none without a
+    mount). Raises CameraError where the axis points straight up or down.
     """
-    lens = _planar(poses_world_camera, world_up, poses_world_camera[:, :3, 2])
+    up = up_vector(world_up)
+    headings = poses[:, :3, "xyz".index(ahead)]
+    headings = headings - np.outer(headings @ up, up)
+    lengths = np.linalg.norm(headings, axis=1)
+    if lengths.min() < 1e-3:
+        raise CameraError(
+            f"pose {int(lengths.argmin())} looks straight along world_up {world_up!r}: it has no heading; "
+            "is world_up in camera.yaml the axis that points up?"
+        )
+    headings /= lengths[:, None]
+    first = headings[0]
+    left = np.cross(up, first)
+    travelled = poses[:, :3, 3] - poses[0, :3, 3]
+    yaws = np.arctan2(headings @ left, headings @ first)
     lever = SE2(mount.forward_m, mount.left_m, 0.0) if mount else SE2()
-    return _from_first([pose @ lever.inverse() for pose in lens])
+    planar = zip(travelled @ first, travelled @ left, yaws, strict=True)
+    return tuple(lever @ SE2(*pose) @ lever.inverse() for pose in planar)
 
 
 def upright_camera(poses_world_camera: Array, world_up: str, mount: Mount | None) -> Array:
@@ -63,48 +81,20 @@ def upright_camera(poses_world_camera: Array, world_up: str, mount: Mount | None
     return poses
 
 
-def camera_attitudes(stamps_s: Array, poses_world_camera: Array, world_up: str | Array) -> AttitudeTrack:
-    """Roll, pitch and rise of the lens from camera-to-world poses (N, 4, 4), optical camera axes."""
-    up = up_vector(world_up)
-    directions = np.einsum("nij,i->nj", poses_world_camera[:, :3, :3], up)
-    return AttitudeTrack.of_up(stamps_s, directions, poses_world_camera[:, :3, 3] @ up)
-
-
-def base_attitudes(
-    stamps_s: Array, poses_world_base: Array, world_up: str | Array, mount: Mount
+def attitudes_of(
+    stamps_s: Array, poses: Array, world_up: str | Array, mount: Mount | None = None
 ) -> AttitudeTrack | None:
-    """Roll, pitch and rise of the lens from base-to-world poses (N, 4, 4), base axes; None where the base stays level
-    and at one height."""
+    """Roll, pitch and rise of the lens from poses to the world, (N, 4, 4). mount: of the lens on the base where they
+    are the base's, in base axes; without one they are the camera's, optical. None where a base stays level and at one
+    height."""
     up = up_vector(world_up)
-    directions = np.einsum("nij,i->nj", poses_world_base[:, :3, :3], up)
-    heights = poses_world_base[:, :3, 3] @ up + directions @ mount.position_base_m()
-    if np.abs(directions[:, :2]).max() < LEVEL and np.ptp(heights) < LEVEL:
-        return None
-    return AttitudeTrack.of_up(stamps_s, directions @ mount.rotation_base_optical(), heights)
-
-
-def planarise_base(poses_world_base: Array, world_up: str | Array) -> tuple[SE2, ...]:
-    """Base-to-world poses, (N, 4, 4), base axes as in REP-103, to `pose_start_base`."""
-    return _from_first(_planar(poses_world_base, world_up, poses_world_base[:, :3, 0]))
-
-
-def _planar(poses: Array, world_up: str | Array, headings: Array) -> list[SE2]:
-    up = up_vector(world_up)
-    headings = headings - np.outer(headings @ up, up)
-    lengths = np.linalg.norm(headings, axis=1)
-    if lengths.min() < 1e-3:
-        raise CameraError(
-            f"pose {int(lengths.argmin())} looks straight along world_up {world_up!r}: it has no heading; "
-            "is world_up in camera.yaml the axis that points up?"
-        )
-    headings /= lengths[:, None]
-    ahead = headings[0]
-    left = np.cross(up, ahead)
-    travelled = poses[:, :3, 3] - poses[0, :3, 3]
-    yaws = np.arctan2(headings @ left, headings @ ahead)
-    return [SE2(x, y, yaw) for x, y, yaw in zip(travelled @ ahead, travelled @ left, yaws, strict=True)]
-
-
-def _from_first(poses: list[SE2]) -> tuple[SE2, ...]:
-    origin = poses[0].inverse()
-    return tuple(origin @ pose for pose in poses)
+    directions = np.einsum("nij,i->nj", poses[:, :3, :3], up)
+    heights = poses[:, :3, 3] @ up
+    if mount is not None:
+        heights = heights + directions @ mount.position_base_m()
+        if np.abs(directions[:, :2]).max() < LEVEL and np.ptp(heights) < LEVEL:
+            return None
+        directions = directions @ mount.rotation_base_optical()
+    right, down, forward = directions.T
+    roll, pitch = np.arctan2(-right, -down), np.arctan2(-forward, np.hypot(right, down))
+    return AttitudeTrack(stamps_s, np.unwrap(roll), np.unwrap(pitch), heights - heights[0])

@@ -1,7 +1,8 @@
 """Poses over time, recorded or growing, planar or with attitudes, and the TUM text format."""
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,18 +42,21 @@ class Trajectory:
         first, last = self.stamps_s[0], self.stamps_s[-1]
         if not first - tolerance_s <= stamp_s <= last + tolerance_s:
             raise OdometryError(f"no pose at {stamp_s:.3f} s: the trajectory covers {first:.3f} to {last:.3f} s")
-        after = int(np.searchsorted(self.stamps_s, stamp_s))
-        if after == 0:
-            return self.poses[0]
-        if after == len(self.poses):
-            return self.poses[-1]
-        span = self.stamps_s[after] - self.stamps_s[after - 1]
-        return self.poses[after - 1].interpolate(self.poses[after], (stamp_s - self.stamps_s[after - 1]) / span)
+        return _interpolated(self.stamps_s, self.poses, stamp_s)
 
     def from_start(self) -> "Trajectory":
         """The same trajectory relative to its first pose, which becomes the identity."""
         origin = self.poses[0].inverse()
         return Trajectory(self.stamps_s, tuple(origin @ pose for pose in self.poses))
+
+
+def _interpolated(stamps_s: Sequence[float] | Array, poses: Sequence[SE2], stamp_s: float) -> SE2:
+    """The pose at a stamp; the first one before all stamps, the last one after them."""
+    after = bisect_left(stamps_s, stamp_s)
+    if after in (0, len(poses)):
+        return poses[min(after, len(poses) - 1)]
+    share = (stamp_s - stamps_s[after - 1]) / (stamps_s[after] - stamps_s[after - 1])
+    return poses[after - 1].interpolate(poses[after], share)
 
 
 def tum_rows(data: bytes, path: str, error: type[EdgemapError], table: NumberTable = TUM) -> NDArray[np.float64]:
@@ -151,12 +155,8 @@ class GrowingTrack:
         first, last = self._stamps[0], self._stamps[-1]
         if not first - tolerance_s <= stamp_s <= last + AHEAD_S:
             raise OdometryError(f"no pose at {stamp_s:.3f} s: those that came are from {first:.3f} to {last:.3f} s")
-        after = bisect_right(self._stamps, stamp_s)
-        if after == 0 or len(self._stamps) == 1:
-            return self._poses[0]
-        if after < len(self._stamps):
-            share = (stamp_s - self._stamps[after - 1]) / (self._stamps[after] - self._stamps[after - 1])
-            return self._poses[after - 1].interpolate(self._poses[after], share)
+        if stamp_s <= last or len(self._stamps) == 1:
+            return _interpolated(self._stamps, self._poses, stamp_s)
         before = max(bisect_right(self._stamps, last - SPEED_OVER_S) - 1, 0)
         step = self._poses[before].inverse() @ self._poses[-1]
         return self._poses[-1] @ SE2(*((stamp_s - last) / (last - self._stamps[before]) * step.vector()))
@@ -177,13 +177,6 @@ class AttitudeTrack:
     roll_rad: Array
     pitch_rad: Array
     risen_m: Array
-
-    @classmethod
-    def of_up(cls, stamps_s: Array, up_optical: Array, heights_m: Array) -> "AttitudeTrack":
-        """From up directions in the optical frame, (N, 3), and heights of the lens in metres, (N,)."""
-        angles = [Attitude.of_up(up, np.zeros((2, 2)), "truth") for up in up_optical]
-        roll, pitch = np.array([(a.roll_rad, a.pitch_rad) for a in angles]).T
-        return cls(stamps_s, np.unwrap(roll), np.unwrap(pitch), heights_m - heights_m[0])
 
     def at(self, stamp_s: float, height_m: float) -> Attitude:
         """The attitude at a stamp, interpolated; constant beyond both ends. height_m: of the lens at the first pose."""

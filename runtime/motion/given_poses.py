@@ -14,14 +14,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.reading import read_bytes
-from edgemap.runtime.frames.spatial_poses import (
-    base_attitudes,
-    camera_attitudes,
-    planarise_base,
-    planarise_camera,
-    pose_of,
-    poses_of,
-)
+from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise, pose_of, poses_of
 from edgemap.runtime.frames.tables import Column, NumberTable
 from edgemap.runtime.frames.trajectory import EDGE_S, FASTEST_M_S, TUM, AttitudeTrack, PoseTrack, Trajectory, tum_rows
 
@@ -137,13 +130,13 @@ def _of_base(read: _Reading, stamps_s: Array, mount: Mount) -> tuple[tuple[SE2, 
     of the base or of the lens above it, whichever leaves the lens at a more constant height."""
     lens = [read.poses]
     if read.frame == BASE:
-        planar = planarise_base(read.poses, read.up)
-        if base_attitudes(stamps_s, read.poses, read.up, mount) is None:
+        planar = planarise(read.poses, read.up, "x")
+        if attitudes_of(stamps_s, read.poses, read.up, mount) is None:
             return planar, None
         to_base = mount.rotation_base_optical()
         lens = [read.poses @ pose_of(to_base, arm_m) for arm_m in (mount.position_base_m(), np.zeros(3))]
     poses = min(lens, key=lambda some: float(np.std(some[:, :3, 3] @ read.up)))
-    return planarise_camera(poses, read.up, mount), camera_attitudes(stamps_s, poses, read.up)
+    return planarise(poses, read.up, "z", mount), attitudes_of(stamps_s, poses, read.up)
 
 
 def _read(rows: Array, mount: Mount, frame: str, w_first: bool) -> _Reading:

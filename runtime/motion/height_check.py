@@ -74,7 +74,7 @@ class HeightCheck:
         if attitude.carried:
             self.reset()
         elif used != self._used:
-            self._sizes = self._sizes.turned(used.rotation_base_optical() @ self._used.rotation_base_optical().T)
+            self._sizes.turn(used.rotation_base_optical() @ self._used.rotation_base_optical().T)
             self._ratios.clear()  # of motions by other angles
         self._used = used
         self._began_s = min(self._began_s, stamp_s)

@@ -6,11 +6,12 @@ from functools import partial
 from pathlib import Path
 
 import msgspec
+from threadpoolctl import threadpool_limits
 
 from edgemap.geometry.observations.sighting import BoxEvidence
 from edgemap.runtime.frames.errors import BundleError, OdometryError
 from edgemap.runtime.frames.inference import Engine, Precision
-from edgemap.runtime.network.engines import Pace, compute_at, one_blas_thread, open_network
+from edgemap.runtime.network.engines import Pace, compute_at, open_network
 from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, Manifest, OdometryHead, contract_metadata
 from edgemap.runtime.network.manifest_file import read_manifest, verified_file
 from edgemap.runtime.network.network import Compute, Network, Shapes
@@ -105,7 +106,7 @@ def load_bundle(
     threads: of the backbone; None: those of the pace (`compute_at`). BLAS gets one thread. precision: int8 where the
     bundle has that variant. engine: the outputs of another than onnxruntime must agree with its.
     """
-    one_blas_thread()
+    threadpool_limits(1, "blas")  # numpy's and scipy's in this process: the matrices of a step are small
     manifest = read_manifest(folder)
     detector = manifest.detector
     if precision != "float32":
@@ -133,28 +134,20 @@ def _opened(
     where = f"bundle {folder}: {record.file}"
     network = open_network(path, compute, rows)
     reference = network if compute.engine == "onnxruntime" else open_network(path, Compute(), rows)
-    _check_contract(reference.metadata, where, record, folder)
-    _compare(where, "input", inputs, network.inputs)
-    _compare(where, "output", outputs, network.outputs)
-    rounded: Precision = "float32" if record.file == manifest.detector.file else "int8"
-    if network is not reference and network.error(reference) > ENGINE_TOLERANCE[rounded]:
-        raise BundleError(f"{where}: {compute.engine} gives other outputs than onnxruntime")
-    return network
-
-
-def _compare(where: str, kind: str, promised: Shapes, actual: Shapes) -> None:
-    if missing := sorted(set(promised) - set(actual)):
-        raise BundleError(f"{where}: {kind} {', '.join(missing)} is missing")
-    if extra := sorted(set(actual) - set(promised)):
-        raise BundleError(f"{where}: {kind} {', '.join(extra)} is not in the manifest")
-    for name, shape in promised.items():
-        if actual[name] != shape:
-            raise BundleError(f"{where}: {kind} {name} has shape {actual[name]}, manifest says {shape}")
-
-
-def _check_contract(metadata: dict[str, str], where: str, record: DetectorSpec | OdometryHead, folder: Path) -> None:
-    contract = metadata.get(METADATA_KEY)
+    contract = reference.metadata.get(METADATA_KEY)
     if contract is None:
         raise BundleError(f"{where} carries no {METADATA_KEY} metadata: not made by edgemap export")
     if contract != contract_metadata(record):
         raise BundleError(f"{where}: the contract in its metadata differs from {folder.name}/bundle.json")
+    for kind, promised, actual in (("input", inputs, network.inputs), ("output", outputs, network.outputs)):
+        if missing := sorted(set(promised) - set(actual)):
+            raise BundleError(f"{where}: {kind} {', '.join(missing)} is missing")
+        if extra := sorted(set(actual) - set(promised)):
+            raise BundleError(f"{where}: {kind} {', '.join(extra)} is not in the manifest")
+        for name, shape in promised.items():
+            if actual[name] != shape:
+                raise BundleError(f"{where}: {kind} {name} has shape {actual[name]}, manifest says {shape}")
+    rounded: Precision = "float32" if record.file == manifest.detector.file else "int8"
+    if network is not reference and network.error(reference) > ENGINE_TOLERANCE[rounded]:
+        raise BundleError(f"{where}: {compute.engine} gives other outputs than onnxruntime")
+    return network

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -27,6 +28,7 @@ READINGS = {
 }
 
 
+@dataclass(frozen=True, slots=True)
 class Decoder:
     """Turns a backbone's heads into Detections, one label per box.
 
@@ -35,44 +37,41 @@ class Decoder:
     labels keep only the one with the most cell votes; average precision needs them all.
     """
 
-    def __init__(
-        self, detector: DetectorSpec, confidence: float = 0.3, nms_iou: float = 0.45, one_name: bool = False
-    ) -> None:
-        self._detector = detector
-        self._names = tuple(entry.name for entry in detector.classes)
-        self._size = (detector.input.width, detector.input.height)
-        self.confidence = confidence
-        self.nms_iou = nms_iou
-        self.one_name = one_name
+    detector: DetectorSpec
+    confidence: float = 0.3
+    nms_iou: float = 0.45
+    one_name: bool = False
 
     def __call__(self, outputs: Tensors, placement: Placement) -> Detections:
         """Boxes in picture px from the backbone's outputs, best first. Raises BundleError where a label has no name."""
         try:
             corners, scores, classes = self._candidates(outputs)
         except ValueError as error:
-            raise BundleError(f"{self._detector.file}: {error}: state them with --names") from None
+            raise BundleError(f"{self.detector.file}: {error}: state them with --names") from None
+        names = tuple(entry.name for entry in self.detector.classes)
         if len(scores) == 0:
-            return Detections.none(self._names)
+            return Detections.none(names)
         best = np.argsort(-scores, kind="stable")[:MAX_CANDIDATES]
         corners, scores, classes = corners[best], scores[best], classes[best]
         keep = suppress(corners, scores, classes, self.nms_iou)
         if self.one_name and len(set(classes[keep].tolist())) > 1:
             keep = keep[_elected(keep, corners, scores, classes)]
-        return Detections(placement.to_image(corners[keep]), scores[keep], classes[keep], self._names)
+        return Detections(placement.to_image(corners[keep]), scores[keep], classes[keep], names)
 
     def _candidates(self, outputs: Tensors) -> tuple[Array, Array, NDArray[np.int64]]:
         """Boxes (N, 4) xyxy in px of the input with their scores and classes, before suppression."""
-        count, heads, strides = len(self._names), self._detector.heads, ()
-        if self._detector.decode == "yolov3":
-            parts = [_yolov3(outputs[head.name], head, self.confidence, self._size) for head in heads]
+        detector, heads, strides = self.detector, self.detector.heads, ()
+        size = (detector.input.width, detector.input.height)
+        if detector.decode == "yolov3":
+            parts = [_yolov3(outputs[head.name], head, self.confidence, size) for head in heads]
             corners, scores, classes = (np.concatenate(column) for column in zip(*parts, strict=True))
             return corners, scores, classes
-        if (reading := self._detector.reading) is None:
-            reading, strides = READINGS[self._detector.decode], tuple(one for head in heads for one in head.strides)
+        if (reading := detector.reading) is None:
+            reading, strides = READINGS[detector.decode], tuple(one for head in heads for one in head.strides)
             maps = (outputs[head.name] for head in heads)  # (1, N, C), or (1, C, H, W) with a row of cells for each C
             rows = [one[0] if one.ndim == 3 else one.reshape(one.shape[1], -1).T for one in maps]
             outputs = {"rows": np.concatenate(rows)[None]}
-        return rows_of(outputs, reading, count, self.confidence, self._size, strides)
+        return rows_of(outputs, reading, len(detector.classes), self.confidence, size, strides)
 
 
 def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], nms_iou: float) -> NDArray[np.int64]:

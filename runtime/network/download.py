@@ -30,21 +30,18 @@ def download(url: str, target: Path, *, sums: tuple[str, ...] = (), label: str =
     sums: SHA-256 values, one of which the file must have; empty accepts any file. label: the source in messages in
     place of the URL, which may hold a password. Raises DownloadError, one line.
     """
-    import pooch
     import requests
+    from pooch import HTTPDownloader
 
     label = label or url
     if not is_url(url):
         raise DownloadError(f"{label}: not an http or https URL")
-    pooch.get_logger().setLevel("WARNING")
     part = target.with_name(f"{target.name}.part")
     try:
         if target.is_file() and sha256_file(target) in sums:
             return target
         target.parent.mkdir(parents=True, exist_ok=True)
-        part.unlink(missing_ok=True)
-        fetch = pooch.HTTPDownloader(progressbar=progress, timeout=SILENCE_S)
-        pooch.retrieve(url, None, part.name, target.parent, downloader=fetch)  # pyright: ignore[reportArgumentType]
+        HTTPDownloader(progressbar=progress, timeout=SILENCE_S)(url, str(part), None)
         if sums and (seen := sha256_file(part)) not in sums:
             wanted = " or ".join(value[:12] + "…" for value in sums)
             raise DownloadError(f"{label}: sha256 {seen[:12]}…, expected {wanted}; deleted")

@@ -38,13 +38,6 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def one_blas_thread() -> None:
-    """Let numpy's and scipy's BLAS compute on one thread in this process: the matrices of a step are small."""
-    from threadpoolctl import threadpool_limits
-
-    threadpool_limits(1, "blas")
-
-
 def processor_name() -> str:
     """The processor's name as the system reports it, else its architecture."""
     cpuinfo = Path("/proc/cpuinfo")
@@ -53,13 +46,18 @@ def processor_name() -> str:
     return next(names, "") or platform.processor() or platform.machine()
 
 
-def open_network(path: Path, compute: Compute, rows: int | None = None) -> Network:
-    """Load an ONNX file into the engine asked for. rows: of the input, where the file leaves them open.
-
-    Raises BundleError or MissingExtraError.
+def open_network(source: Path | bytes, compute: Compute, rows: int | None = None) -> Network:
+    """Load an ONNX file, or a model in memory, into the engine asked for. rows: of the input, where the file leaves
+    them open. Raises BundleError or MissingExtraError.
     """
-    opened = open_onnxruntime if compute.engine == "onnxruntime" else open_openvino
-    return opened(path, compute, rows)
+    if compute.engine == "openvino":
+        return _open_openvino(source, compute, rows)
+    session = open_session(source, compute, rows)
+    inputs, outputs = (
+        {node.name: tuple(node.shape) for node in nodes} for nodes in (session.get_inputs(), session.get_outputs())
+    )
+    metadata = session.get_modelmeta().custom_metadata_map
+    return Network(inputs, outputs, lambda tensors: run_session(session, tensors, _name_of(source)), metadata)
 
 
 def open_session(source: Path | bytes, compute: Compute, rows: int | None = None) -> ort.InferenceSession:
@@ -82,10 +80,13 @@ def open_session(source: Path | bytes, compute: Compute, rows: int | None = None
         raise _not_loaded(source, "onnxruntime", error) from None
 
 
+def _name_of(source: Path | bytes) -> Path | str:
+    return source if isinstance(source, Path) else "a network"
+
+
 def _not_loaded(source: Path | bytes, engine: Engine, error: Exception) -> BundleError:
-    name = source if isinstance(source, Path) else "a network"
     why = one_line(str(error).removeprefix("[ONNXRuntimeError] : "), 160)
-    return BundleError(f"{name}: not a model that {engine} loads ({why})")
+    return BundleError(f"{_name_of(source)}: not a model that {engine} loads ({why})")
 
 
 def run_session(session: ort.InferenceSession, tensors: Any, name: object) -> Any:
@@ -94,17 +95,6 @@ def run_session(session: ort.InferenceSession, tensors: Any, name: object) -> An
         return session.run(None, tensors)
     except Exception as error:  # as above
         raise BundleError(f"{name}: the network fails as it runs ({one_line(error, 160)})") from None
-
-
-def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = None) -> Network:
-    """Load an ONNX file, or a model in memory. Raises BundleError."""
-    session = open_session(source, compute, rows)
-    inputs, outputs = (
-        {node.name: tuple(node.shape) for node in nodes} for nodes in (session.get_inputs(), session.get_outputs())
-    )
-    name = source if isinstance(source, Path) else "a network"
-    metadata = session.get_modelmeta().custom_metadata_map
-    return Network(inputs, outputs, lambda tensors: run_session(session, tensors, name), metadata)
 
 
 @cache
@@ -120,9 +110,8 @@ def openvino_core() -> Any:
     return ov.Core()
 
 
-def open_openvino(path: Path, compute: Compute, rows: int | None = None) -> Network:
-    """Compile an ONNX file for latency, in float32. rows: of the input, where the file leaves them open. Raises
-    BundleError or MissingExtraError."""
+def _open_openvino(source: Path | bytes, compute: Compute, rows: int | None) -> Network:
+    """Compiled for latency, in float32."""
     need("openvino", "--engine openvino")
     config = {
         "PERFORMANCE_HINT": "LATENCY",
@@ -132,14 +121,14 @@ def open_openvino(path: Path, compute: Compute, rows: int | None = None) -> Netw
     }
     try:
         core = openvino_core()
-        model = core.read_model(library_path(path))
+        model = core.read_model(source if isinstance(source, bytes) else library_path(source))
         if model.is_dynamic():
             (port,) = model.inputs
             channels, columns = (port.get_partial_shape()[axis].get_length() for axis in (1, 3))
             model.reshape({port.get_any_name(): [1, channels, rows, columns]})
         request = core.compile_model(model, "CPU", config).create_infer_request()
     except Exception as error:  # OpenVINO's share no public base either
-        raise _not_loaded(path, "openvino", error) from None
+        raise _not_loaded(source, "openvino", error) from None
     inputs, outputs = (
         {port.get_any_name(): tuple(port.shape) for port in ports} for ports in (model.inputs, model.outputs)
     )

@@ -20,7 +20,7 @@ from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.reading import convert, decode_json, library_path, one_line, print_message, read_bytes
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.engines import Pace, compute_at, open_session, run_session
-from edgemap.runtime.network.layouts import FORMS, Arrays, Layout, Reading, classes_in, in_unit, layouts, parts, rows_of
+from edgemap.runtime.network.layouts import FORMS, Arrays, Layout, Reading, in_unit, layouts, parts, rows_of
 from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec, HeadSpec, InputSpec, Manifest
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file
 from edgemap.runtime.network.network import Compute, Network
@@ -210,12 +210,14 @@ def _readings(answers: Answers, stated: tuple[str, ...] | None) -> Iterator[tupl
     """Readings that these outputs may have, the usual ones first, with the names of their classes."""
     outputs = answers[0][1]
     for layout in layouts(outputs):
-        for names in _names(classes_in(outputs, layout), layout, stated):
-            arrays = [parts(one, layout, len(names)) for _, one, _ in answers]
-            surplus = arrays[0][1].ndim == 2 and arrays[0][1].shape[1] == len(names) + 1  # DETR's class of no object
-            inside = all(in_unit(scores) for _, scores, _ in arrays)
-            activation = "none" if inside else "softmax" if surplus else "sigmoid"
-            strongest = [boxes[np.argsort(-np.atleast_2d(scores.T).max(axis=0))[:10]] for boxes, scores, _ in arrays]
+        arrays = [parts(one, layout) for _, one, _ in answers]
+        count = arrays[0][1].shape[1] if arrays[0][2] is None else None
+        for names in _names(count, layout, stated):
+            surplus = count == len(names) + 1  # DETR's class of no object
+            scores = [np.atleast_2d(array.T)[: len(names) + surplus] for _, array, _ in arrays]  # of a class in a row
+            activation = "none" if all(map(in_unit, scores)) else "softmax" if surplus else "sigmoid"
+            best = [np.argsort(-values.max(axis=0))[:10] for values in scores]
+            strongest = [boxes[rows] for (boxes, *_), rows in zip(arrays, best, strict=True)]
             largest = max(float(np.abs(boxes).max(initial=0.0)) for boxes in strongest)
             for form in FORMS[layout]:
                 share = largest <= 2.0 and form in ("cxcywh", "xyxy", "yxyx")  # else pixels: a box may leave the input
@@ -265,9 +267,7 @@ def _literal(text: str) -> Any:
         return None
 
 
-def load_foreign(
-    path: Path, threads: int | None = None, pace: Pace = "camera", names: Sequence[str] | None = None
-) -> Bundle:
+def load_foreign(path: Path, threads: int | None, pace: Pace, names: Sequence[str] | None) -> Bundle:
     """A detector of another project as a bundle that has boxes alone. Raises BundleError.
 
     How it is read stands in a FILE.bundle.json next to FILE.onnx where there is one, else it is recognised; standard

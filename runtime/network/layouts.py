@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from edgemap.geometry.arrays import Array
 from edgemap.runtime.frames.reading import Strict
@@ -37,6 +38,12 @@ FORMS: dict[Layout, tuple[Form, ...]] = {
     "queries": ("cxcywh", "xyxy"),
     "lists": ("xyxy", "yxyx", "cxcywh"),
 }
+# Columns of the box, the score and the label in rows that have one.
+LABELLED: dict[Layout, tuple[slice, int, int]] = {
+    "box score label rows": (slice(0, 4), 4, 5),
+    "label score box rows": (slice(2, 6), 1, 0),
+    "batch box label score rows": (slice(1, 5), 6, 5),
+}
 STRIDES, BINS = (8, 16, 32, 64), 8  # of PicoDet and NanoDet-Plus; of YOLOX the first three
 
 
@@ -56,7 +63,7 @@ class Reading(Strict):
 
 
 def layouts(outputs: Arrays) -> list[Layout]:
-    """The layouts that outputs of these shapes may have; `classes_in` distinguishes them further."""
+    """The layouts that outputs of these shapes may have; the number of classes distinguishes them further."""
     arrays = list(outputs.values())
     floats = [array for array in arrays if array.dtype.kind == "f"]
     bins = [array for array in floats if array.ndim == 3 and array.shape[2] == 4 * BINS]
@@ -83,17 +90,6 @@ def layouts(outputs: Arrays) -> list[Layout]:
     return ["objectness rows", "class rows", "bin rows"]
 
 
-def classes_in(outputs: Arrays, layout: Layout) -> int | None:
-    """How many values of each box are scores of classes, or masks and keypoints behind them; None where the file has
-    labels."""
-    if layout in ("class columns", "class rows", "objectness rows", "bin rows"):
-        columns = min(next(array for array in outputs.values() if array.ndim == 3).shape[1:])
-        return columns - {"objectness rows": 5, "bin rows": 4 * BINS}.get(layout, 4)
-    if layout in ("queries", "bin levels"):
-        return parts(outputs, layout, 0)[1].shape[1]
-    return None
-
-
 def rows_of(
     outputs: Arrays,
     reading: Reading,
@@ -107,10 +103,11 @@ def rows_of(
     Only boxes of at least this score are returned. strides: of the cells, those of the form by default. Raises
     ValueError where the cells are none of this input's, or a label has no name.
     """
-    geometry, scores, labels = parts(outputs, reading.layout, classes)
+    geometry, scores, labels = parts(outputs, reading.layout)
     if reading.activation == "softmax":
-        powers = np.exp(scores - scores.max(axis=1, keepdims=True))
-        scores = (powers / powers.sum(axis=1, keepdims=True))[:, :classes]
+        scores = softmax(scores, axis=1)[:, :classes]
+    elif labels is None and reading.layout != "queries":  # whose class of no object rules a box out
+        scores = scores[:, :classes]
     best = (scores.max(axis=1, initial=-np.inf) if labels is None else scores).astype(np.float64)
     if reading.activation == "sigmoid":
         best = sigmoid(best)
@@ -128,26 +125,22 @@ def sigmoid(x: NDArray) -> NDArray:
     return 1.0 / (1.0 + np.exp(-np.clip(x, -50.0, 50.0)))
 
 
-def parts(outputs: Arrays, layout: Layout, classes: int) -> tuple[NDArray, NDArray, NDArray | None]:
-    """Geometry (N, 4) or (N, 32), scores (N, C) or (N,), and labels (N,) where the file has them."""
+def parts(outputs: Arrays, layout: Layout) -> tuple[NDArray, NDArray, NDArray | None]:
+    """Geometry (N, 4) or (N, 32), scores (N,) with labels (N,) where the file has them, else scores (N, C) of the
+    classes and of what stands behind them: masks, keypoints, no object."""
     arrays = list(outputs.values())
     if layout.endswith(("rows", "columns")):
         table = next((array for array in arrays if array.ndim == 3), arrays[0])
         table = table.reshape(-1, table.shape[-1])
-        match layout:
-            case "class columns":
-                return table.T[:, :4], table.T[:, 4 : 4 + classes], None
-            case "objectness rows":
-                return table[:, :4], table[:, 4:5] * table[:, 5 : 5 + classes], None
-            case "bin rows":
-                return table[:, classes:], table[:, :classes], None
-            case "box score label rows":
-                return table[:, :4], table[:, 4], table[:, 5]
-            case "label score box rows":
-                return table[:, 2:6], table[:, 1], table[:, 0]
-            case "batch box label score rows":
-                return table[:, 1:5], table[:, 6], table[:, 5]
-        return table[:, :4], table[:, 4 : 4 + classes], None
+        if layout in LABELLED:
+            box, score, label = LABELLED[layout]
+            return table[:, box], table[:, score], table[:, label]
+        if layout == "bin rows":
+            return table[:, -4 * BINS :], table[:, : -4 * BINS], None
+        if layout == "objectness rows":
+            return table[:, :4], table[:, 4:5] * table[:, 5:], None
+        table = table.T if layout == "class columns" else table
+        return table[:, :4], table[:, 4:], None
     if layout == "bin levels":  # the finest level first
         levels = sorted((array[0] for array in arrays), key=len, reverse=True)
         bins = [level for level in levels if level.shape[1] == 4 * BINS]
@@ -178,9 +171,7 @@ def _corners(
         return np.concatenate([centres - half, centres + half], axis=1)
     if form in ("bins", "corner bins"):
         cells, strides = _cells(strides_px or STRIDES, len(geometry), size)
-        bins = chosen.reshape(len(chosen), 4, BINS)
-        weights = np.exp(bins - bins.max(axis=2, keepdims=True, initial=-np.inf))
-        sides = (weights / weights.sum(axis=2, keepdims=True)) @ np.arange(BINS)
+        sides = softmax(chosen.reshape(len(chosen), 4, BINS), axis=2) @ np.arange(BINS)
         middle = cells[rows] + (0.5 if form == "bins" else 0.0)
         return np.concatenate([middle - sides[:, :2], middle + sides[:, 2:]], axis=1) * strides[rows, None]
     if reading.share:

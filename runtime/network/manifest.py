@@ -68,19 +68,17 @@ class HeadSpec(Strict):
 
 
 class FeatureSpec(Strict):
-    """A backbone output that feeds the odometry: name, shape (1, C, H, W), stride in input pixels."""
+    """A map that the backbone gives, such as one that feeds the odometry: name, shape (1, C, H, W), stride in input
+    pixels."""
 
     name: Name
     shape: Shape
     stride: Stride
 
 
-class FloorSpec(Strict):
+class FloorSpec(FeatureSpec):
     """The backbone output that labels the floor: probabilities (1, len(labels), H, W), stride in input pixels."""
 
-    name: Name
-    shape: Shape
-    stride: Stride
     labels: Annotated[tuple[Literal["floor", "wall"], ...], Meta(min_length=1, max_length=2)]
 
 

@@ -37,7 +37,8 @@ def read_manifest(folder: Path) -> Manifest:
     parts = (manifest.detector, *manifest.odometry.values(), *manifest.variants.values())
     files = [part.file for part in parts]
     for name in [*files, *manifest.sha256]:
-        _inside(folder, name)
+        if not _is_inside(folder, name):
+            raise BundleError(f"bundle {folder}: path {name!r} leaves the bundle's folder")
     for name in files:
         if name not in manifest.sha256:
             raise BundleError(f"bundle {path}: {name} has no sha256")
@@ -83,21 +84,20 @@ def write_manifest(folder: Path, manifest: Manifest, name: str = MANIFEST_NAME) 
     write_atomically(folder / name, text + b"\n")
 
 
-def _inside(folder: Path, name: str) -> Path:
-    parts = PurePosixPath(name)
-    path, odd = folder / parts, parts.is_absolute() or ".." in parts.parts or "\\" in name
+def _is_inside(folder: Path, name: str) -> bool:
+    """Whether a path names a file in a folder, links followed, that is not the manifest itself."""
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts or "\\" in name or path.name in ("", MANIFEST_NAME):
+        return False
     try:
-        inside = not odd and path.resolve().is_relative_to(folder.resolve())
+        return (folder / path).resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError):  # a loop of links
-        inside = False
-    if not inside or not parts.parts or parts.name == MANIFEST_NAME:
-        raise BundleError(f"bundle {folder}: path {name!r} leaves the bundle's folder")
-    return path
+        return False
 
 
 def verified_file(folder: Path, manifest: Manifest, name: str) -> Path:
     """Path of a bundle's file whose sum has been checked. Raises BundleError naming the file where it differs."""
-    path = _inside(folder, name)
+    path = folder / name
     if not path.is_file():
         raise BundleError(f"bundle {folder}: file {name} is missing")
     try:

@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf import descriptor_pb2, message_factory
 
 from edgemap.runtime.frames.inference import Engine, Precision
 from edgemap.runtime.network.bundle import Bundle, load_bundle
-from edgemap.runtime.network.engines import Pace, open_onnxruntime
+from edgemap.runtime.network.engines import Pace, open_network
 from edgemap.runtime.network.foreign import load_foreign
 from edgemap.runtime.network.manifest_file import read_manifest, verified_file
 from edgemap.runtime.network.store import bundle_folder
@@ -37,9 +37,7 @@ def _model_class() -> type[Any]:
             made.type = MESSAGE if kind else STRING
             if kind:
                 made.type_name = f".edgemap_subgraph.{kind}"
-    pool = descriptor_pool.DescriptorPool()
-    pool.Add(file)
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName("edgemap_subgraph.Model"))
+    return message_factory.GetMessages([file])["edgemap_subgraph.Model"]
 
 
 def subgraph(model: bytes, outputs: set[str]) -> bytes:
@@ -92,11 +90,11 @@ def open_bundle(
     return replace(loaded, companion=load_companion(bundle_folder(companion), threads, pace), paced=pace == "camera")
 
 
-def load_companion(folder: Path, threads: int | None = None, pace: Pace = "camera") -> Bundle:
+def load_companion(folder: Path, threads: int | None, pace: Pace) -> Bundle:
     """A bundle whose backbone is cut down to the floor mask. Raises BundleError."""
     whole = load_bundle(folder, threads, pace=pace)
     detector = whole.manifest.detector
     kept = {detector.floor.name} if detector.floor else set()
     model = subgraph(verified_file(folder, whole.manifest, detector.file).read_bytes(), kept)
-    reopen = lambda rows: open_onnxruntime(model, whole.compute, rows)  # noqa: E731
+    reopen = partial(open_network, model, whole.compute)
     return replace(whole, backbone=reopen(detector.input.height), reopen=reopen)

@@ -71,7 +71,6 @@ class Preprocessor:
 
     def __init__(self, spec: InputSpec) -> None:
         self.spec = spec
-        self._canvas = np.full((spec.height, spec.width, 3), spec.pad, dtype=np.uint8)
         self._placement: Placement | None = None
         std = np.array(spec.std, dtype=np.float32)
         self._factor = (np.float32(spec.scale) / std)[:, None, None]
@@ -80,20 +79,17 @@ class Preprocessor:
 
     def __call__(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], Placement]:
         """The tensor, valid until the next call, and the placement that leads boxes back."""
-        height, width = image.shape[:2]
-        where = self._placement
-        if where is None or (where.image_width, where.image_height) != (width, height):
-            where = self._placement = place(self.spec, width, height)
-            self._canvas[:] = self.spec.pad
-        region = self._canvas[where.top : where.top + where.height, where.left : where.left + where.width]
-        region[:] = cv2.resize(image, (where.width, where.height), interpolation=cv2.INTER_LINEAR)
-        planes = cv2.split(self._canvas)
+        where = place(self.spec, image.shape[1], image.shape[0])
+        if where != self._placement:
+            self._placement, self._tensor[0] = where, self.spec.pad * self._factor - self._offset
+        region = self._tensor[0, :, where.top : where.top + where.height, where.left : where.left + where.width]
+        planes = cv2.split(cv2.resize(image, (where.width, where.height), interpolation=cv2.INTER_LINEAR))
         for channel, plane in enumerate(planes[::-1] if self.spec.colour == "rgb" else planes):
-            self._tensor[0, channel] = plane
+            region[channel] = plane
         if np.any(self._factor != 1.0):
-            self._tensor[0] *= self._factor
+            region *= self._factor
         if np.any(self._offset != 0.0):
-            self._tensor[0] -= self._offset
+            region -= self._offset
         return self._tensor, where
 
 

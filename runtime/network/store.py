@@ -44,40 +44,43 @@ def bundle_folder(name: str) -> Path:
 
 def install_folder(folder: Path) -> Path:
     """Copy a finished bundle into the cache under its name, every file checked. Raises BundleError."""
-    manifest = read_manifest(folder)
-    if (target := _place(manifest.name, str(folder))).resolve() == folder.resolve():
-        return target
-    text = (folder / MANIFEST_NAME).read_bytes()
-    return _install(target, manifest, text, lambda name, to: shutil.copyfile(verified_file(folder, manifest, name), to))
+    return _install(
+        folder, folder, lambda manifest, name, to: shutil.copyfile(verified_file(folder, manifest, name), to)
+    )
 
 
-def install_url(url: str, progress: bool = True) -> Path:
+def install_url(url: str) -> Path:
     """Fetch a finished bundle from the folder at `url` (or its bundle.json) into the cache, every file checked.
 
     Raises BundleError or DownloadError; the cache is left as it was.
     """
     base = url.removesuffix(MANIFEST_NAME).rstrip("/")
 
-    def fetch(name: str, to: Path) -> None:
-        download(f"{base}/{quote(name)}", to, sums=(manifest.sha256[name],), progress=progress)
+    def fetch(manifest: Manifest, name: str, to: Path) -> None:
+        download(f"{base}/{quote(name)}", to, sums=(manifest.sha256[name],))
 
     with tempfile.TemporaryDirectory() as name:
         page = download(f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, progress=False)
-        manifest, text = read_manifest(page.parent), page.read_bytes()
-    return _install(_place(manifest.name, url), manifest, text, fetch)
+        return _install(page.parent, url, fetch)
 
 
-def _install(target: Path, manifest: Manifest, text: bytes, fetch: Callable[[str, Path], object]) -> Path:
-    """A bundle at its place in the cache. text: its bundle.json. fetch: brings a file of this name to a path."""
+def _install(folder: Path, source: Path | str, fetch: Callable[[Manifest, str, Path], object]) -> Path:
+    """The bundle whose bundle.json is in a folder at its place in the cache, that folder where it is there already.
+    source: for messages. fetch: brings a file of this name, checked, to a path."""
+    manifest = read_manifest(folder)
+    if not BUNDLE_NAME.fullmatch(manifest.name):
+        raise BundleError(f"bundle {source}: its name {manifest.name!r} is no file name")
+    target = cache_folder() / "bundles" / manifest.name
+    if target.resolve() == folder.resolve():
+        return target
     with staged(target) as stage:
         for name in manifest.sha256:
             try:
                 (stage / name).parent.mkdir(parents=True, exist_ok=True)
-                fetch(name, stage / name)
+                fetch(manifest, name, stage / name)
             except OSError as error:
                 raise BundleError(f"{stage / name}: cannot be written ({error.strerror or error})") from None
-            verified_file(stage, manifest, name)
-        (stage / MANIFEST_NAME).write_bytes(text)
+        shutil.copyfile(folder / MANIFEST_NAME, stage / MANIFEST_NAME)
     return target
 
 
@@ -93,11 +96,10 @@ def staged(target: Path) -> Iterator[Path]:
     Raises BundleError where `target` exists and is not a bundle; it is never overwritten.
     """
     check_place(target)
-    stage = target.parent / f".{target.name}.{os.getpid()}.new"
-    old = target.parent / f".{target.name}.{os.getpid()}.old"
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(stage, ignore_errors=True)
+        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        stage, old = folder / "new", folder / "old"
         stage.mkdir()
     except OSError as error:
         raise BundleError(f"{target}: cannot be written ({error.strerror})") from None
@@ -109,8 +111,7 @@ def staged(target: Path) -> Iterator[Path]:
     finally:
         if old.exists() and not target.exists():
             old.rename(target)
-        shutil.rmtree(stage, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def shipped_folder() -> Path:
@@ -122,12 +123,6 @@ def shipped_bundles() -> list[str]:
     """Names of the bundles that come with the package, the default ones first."""
     names = (path.parent.name for path in shipped_folder().glob(f"*/{MANIFEST_NAME}"))
     return sorted(names, key=lambda name: (name not in (LENS, RENDERED), name))
-
-
-def _place(name: str, source: str) -> Path:
-    if not BUNDLE_NAME.fullmatch(name):
-        raise BundleError(f"bundle {source}: its name {name!r} is no file name")
-    return cache_folder() / "bundles" / name
 
 
 def default_bundle(*specs: str) -> tuple[str, str]:

@@ -355,7 +355,7 @@ class Mapper:
     def _placed(self, observed: FrameObservations) -> list[PlacedSighting]:
         """This step's sightings in the map."""
         pose, mount = self._pose_of(observed), observed.pictured.placed_by
-        return [one.placed(pose, self.pose_covariance, mount) for one in observed.sightings]
+        return [PlacedSighting(one, pose, self.pose_covariance, mount) for one in observed.sightings]
 
     def _forget(self, observed: FrameObservations, object_ids: Sequence[str]) -> None:
         """Lowers the presence of objects that should be visible but were not detected. object_ids: those detected."""

@@ -104,7 +104,7 @@ def _movable(item: Placed, furniture: tuple[Placed, ...]) -> bool:
         return False
     half = np.array([item.model.depth_m, item.model.width_m]) / 2.0
     for other in furniture:
-        middle = item.pose_home_object.inverse().apply([other.pose_home_object.x_m, other.pose_home_object.y_m])
+        middle = item.pose_home_object.inverse().apply(other.middle_home_m)
         if not other.on_floor and (np.abs(middle) < half).all() and other.z_m < item.model.height_m + 0.1:
             return False
     return True
@@ -118,7 +118,7 @@ def _elsewhere(
     for other in others:
         home.boxes.add(other.footprint_home_m(), other.z_m, other.z_m + other.model.height_m, other.id)
         home.floor.takes(other.footprint_home_m(), other.z_m)
-    taken = np.array([[other.pose_home_object.x_m, other.pose_home_object.y_m] for other in shunned])
+    taken = np.array([other.middle_home_m for other in shunned])
     for _ in range(_TRIES):
         room, side = plan.rooms[home.count(0, len(plan.rooms) - 1)], SIDES[home.count(0, len(SIDES) - 1)]
         pose = home.wall_pose(item.model, room, side, home.uniform(0.0, 1.0), home.uniform(0.05, 0.4))

@@ -6,13 +6,11 @@ import numpy as np
 
 from edgemap.simulation.apartment import textures
 from edgemap.simulation.apartment.apartment import Apartment
-from edgemap.simulation.apartment.openings import WallFrame, joined
+from edgemap.simulation.apartment.openings import WallFrame
 from edgemap.simulation.apartment.plan import RoomArea
 from edgemap.simulation.apartment.space import Boxes, rectangle_corners
-from edgemap.simulation.render.mesh import Material, Mesh, box, quad
+from edgemap.simulation.render.mesh import Colour, Material, Mesh, box, quad
 from edgemap.simulation.render.scene import AreaLight, Surface
-
-Colour = tuple[float, float, float]
 
 _WHITE = (1.0, 1.0, 1.0)
 _WOODS: tuple[Colour, ...] = (
@@ -26,8 +24,7 @@ _PICTURE_DEPTH_M, _RUG_M = 0.022, 0.006
 
 def hsv(hue: float, saturation: float, value: float) -> Colour:
     """A colour by hue, saturation and value (0..1) as sRGB, 0..255."""
-    red, green, blue = colorsys.hsv_to_rgb(hue % 1.0, saturation, value)
-    return 255.0 * red, 255.0 * green, 255.0 * blue
+    return tuple(255.0 * channel for channel in colorsys.hsv_to_rgb(hue % 1.0, saturation, value))
 
 
 def trim(rng: np.random.Generator) -> Material:
@@ -35,8 +32,7 @@ def trim(rng: np.random.Generator) -> Material:
     if rng.random() < 0.7:
         return Material((0.78, 0.77, 0.74), gloss=0.08)
     wood = np.array(_pick(_WOODS, rng)) / 255.0
-    red, green, blue = (float(c) for c in wood**2.2 * 0.8)
-    return Material((red, green, blue), gloss=0.08)
+    return Material(tuple((wood**2.2 * 0.8).tolist()), gloss=0.08)
 
 
 def floor(kind: str, rng: np.random.Generator) -> tuple[Material, float]:
@@ -75,10 +71,10 @@ def _wall(kind: str, rng: np.random.Generator) -> tuple[Material, float]:
     return Material(_WHITE, textures.paint(rng, colour)), 1.0
 
 
-def rug(room: RoomArea, rng: np.random.Generator) -> Surface | None:
+def rugs(room: RoomArea, rng: np.random.Generator) -> list[Surface]:
     """A rug near the room's middle, in about every second room."""
     if rng.random() > {"bathroom": 0.3, "kitchen": 0.2, "living": 0.75}.get(room.kind, 0.55):
-        return None
+        return []
     width, depth = (float(side * rng.uniform(0.3, 0.6)) for side in (room.x1 - room.x0, room.y1 - room.y0))
     x = float(rng.uniform(room.x0 + 0.15, room.x1 - 0.15 - width) + room.centre[0] - width / 2.0) / 2.0
     y = float(rng.uniform(room.y0 + 0.15, room.y1 - 0.15 - depth) + room.centre[1] - depth / 2.0) / 2.0
@@ -87,10 +83,10 @@ def rug(room: RoomArea, rng: np.random.Generator) -> Surface | None:
     pattern = textures.rug(rng, [*colours, colours[0]], 512) if rng.random() < 0.4 else textures.woven(rng, colours)
     material = Material(_WHITE, pattern)
     corner = np.array([x, y, _RUG_M])
-    return Surface(corner, np.array([width, 0.0, 0.0]), np.array([0.0, depth, 0.0]), material, (width, depth))
+    return [Surface(corner, np.array([width, 0.0, 0.0]), np.array([0.0, depth, 0.0]), material, (width, depth))]
 
 
-def pictures(apartment: Apartment, rng: np.random.Generator) -> list[Mesh]:
+def pictures(apartment: Apartment, rng: np.random.Generator) -> Mesh:
     """Framed pictures where walls are free."""
     plan, taken = apartment.plan, Boxes()
     for item in apartment.furniture:
@@ -103,7 +99,7 @@ def pictures(apartment: Apartment, rng: np.random.Generator) -> list[Mesh]:
     for window in plan.windows:
         wall = WallFrame(plan.rooms[window.room], window.side, window.low_m, window.high_m)
         _take(taken, wall, window.high_m - window.low_m, window.sill_m, window.top_m)
-    meshes = []
+    parts = []
     for room in plan.rooms:
         for _ in range(int(rng.integers(1, 5))):
             side = str(rng.choice(["near", "far", "left", "right"]))
@@ -112,8 +108,8 @@ def pictures(apartment: Apartment, rng: np.random.Generator) -> list[Mesh]:
             start, bottom = float(rng.uniform(low + 0.15, high - 0.15 - width)), float(rng.uniform(1.25, 1.55))
             wall = WallFrame(room, side, start, start + width)
             if _take(taken, wall, width, bottom, bottom + height, 0.05):
-                meshes.append(_picture(wall, width, bottom, height, rng))
-    return meshes
+                parts += _picture(wall, width, bottom, height, rng)
+    return parts
 
 
 def _take(taken: Boxes, wall: WallFrame, width: float, low_m: float, high_m: float, gap_m: float = 0.35) -> bool:
@@ -133,7 +129,7 @@ def _picture(wall: WallFrame, width: float, bottom: float, height: float, rng: n
     shade = float(rng.choice([0.03, 0.3, 0.8]))
     wood, rim = Material((shade, shade * 0.9, shade * 0.8), gloss=0.2), 0.03
     frame = wall.box(-rim, 0.0, bottom - rim, width + rim, _PICTURE_DEPTH_M, bottom + height + rim, wood)
-    return joined([Mesh((canvas,)), frame])
+    return [canvas, *frame]
 
 
 def ceiling_lamp(room: RoomArea, height_m: float, rng: np.random.Generator) -> tuple[AreaLight, Mesh]:
@@ -142,20 +138,20 @@ def ceiling_lamp(room: RoomArea, height_m: float, rng: np.random.Generator) -> t
     half, drop = (0.36, 0.06) if rng.random() < 0.6 else (0.24, float(rng.uniform(0.35, 0.6)))
     strength = 8.0 * np.clip(area / 26.0, 0.35, 1.2) * (0.4 / half) ** 2 * rng.uniform(0.8, 1.2)
     warmth = float(rng.uniform(0.68, 1.0))
-    red, green, blue = (float(strength * c) for c in (1.0, 0.93 * warmth**0.4, 0.86 * warmth))
+    radiance = strength * np.array([1.0, 0.93 * warmth**0.4, 0.86 * warmth])
     centre = np.array([*room.centre, height_m - drop])
     corner = centre - [half, half, 0.0]
     u, v = np.array([0.0, 2.0 * half, 0.0]), np.array([2.0 * half, 0.0, 0.0])
     case = Material((0.7, 0.68, 0.64))
     low, high = corner + [-0.02, -0.02, 0.005], centre + [half + 0.02, half + 0.02, 0.06 if drop < 0.1 else 0.2]
-    parts = [quad(corner, u, v, Material((0.0, 0.0, 0.0), emission=(red, green, blue))), *box(low, high, case).parts]
+    glowing = Material((0.0, 0.0, 0.0), emission=tuple(radiance.tolist()))
+    parts = [quad(corner, u, v, glowing), *box(low, high, case)]
     if drop > 0.1:
-        parts += box(centre + [-0.008, -0.008, 0.2], centre + [0.008, 0.008, drop], case).parts
-    light = AreaLight(corner - [0.0, 0.0, 0.002], u, v, np.array([red, green, blue]), group="lamp")
-    return light, Mesh(tuple(parts))
+        parts += box(centre + [-0.008, -0.008, 0.2], centre + [0.008, 0.008, drop], case)
+    return AreaLight(corner - [0.0, 0.0, 0.002], u, v, radiance, group="lamp"), parts
 
 
 def _pick(colours: tuple[Colour, ...], rng: np.random.Generator) -> Colour:
-    red, green, blue = colours[int(rng.integers(len(colours)))]
+    colour = colours[int(rng.integers(len(colours)))]
     shade = float(rng.uniform(0.9, 1.08))
-    return red * shade, green * shade, blue * shade
+    return tuple(channel * shade for channel in colour)

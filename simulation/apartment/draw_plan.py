@@ -7,18 +7,10 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from edgemap.simulation.apartment.plan import (
-    DOOR_HEIGHT_M,
-    WALL_M,
-    ApartmentPlan,
-    Doorway,
-    Rectangle,
-    RoomArea,
-    Window,
-)
+from edgemap.simulation.apartment.plan import WALL_M, ApartmentPlan, Doorway, Rectangle, RoomArea, Window, turned
 
 _HOMES = tomllib.loads(resources.files("edgemap.simulation.apartment").joinpath("homes.toml").read_text())
-LEAF_M = 0.04
+_LEAF_M, _DOOR_HEIGHT_M = 0.04, 2.05
 _NARROWEST_DOORWAY_M, _WIDEST_DOORWAY_M, _WIDEST_OPENING_M = 0.88, 1.05, 1.7
 _CORNER_M = 0.12
 
@@ -31,7 +23,7 @@ def draw_plan(rng: np.random.Generator) -> ApartmentPlan:
     width, depth, cells = _split(count, kinds, rng)
     turn, flip_x, flip_y = (bool(rng.random() < 0.5) for _ in range(3))
     if turn:
-        width, depth, cells = depth, width, [(y0, x0, y1, x1) for x0, y0, x1, y1 in cells]
+        width, depth, cells = depth, width, [turned(cell, True) for cell in cells]
     if flip_x:
         cells = [(width - x1, y0, width - x0, y1) for x0, y0, x1, y1 in cells]
     if flip_y:
@@ -79,13 +71,11 @@ def _column(t: float, left: float, right: float, y0: float, y1: float) -> Rectan
 
 def _shared(a: RoomArea, b: RoomArea) -> tuple[bool, float, float, float] | None:
     """The wall between two neighbours: whether it is crossed along x, its low face, and the part that both share."""
-    for across_x, (a0, a1, b0, b1), stretch in (
-        (True, (a.x0, a.x1, b.x0, b.x1), (max(a.y0, b.y0), min(a.y1, b.y1))),
-        (False, (a.y0, a.y1, b.y0, b.y1), (max(a.x0, b.x0), min(a.x1, b.x1))),
-    ):
-        low = min(a1, b1)
-        if abs(max(a0, b0) - low - WALL_M) < 1e-6 and stretch[1] - stretch[0] > 1.25:
-            return across_x, low, *stretch
+    for across_x in (True, False):
+        ends = np.array([turned(room.rectangle, not across_x) for room in (a, b)])
+        (beyond, start), (low, end) = ends[:, :2].max(axis=0), ends[:, 2:].min(axis=0)
+        if abs(beyond - low - WALL_M) < 1e-6 and end - start > 1.25:
+            return across_x, float(low), float(start), float(end)
     return None
 
 
@@ -117,23 +107,19 @@ def _doorway(rooms: tuple[RoomArea, ...], a: int, b: int, height_m: float, rng: 
     # Doors sit near the end of a wall more often than in its middle, which leaves room for furniture.
     along = float(rng.choice([rng.uniform(0.0, 0.15), rng.uniform(0.85, 1.0), rng.uniform(0.0, 1.0)]))
     start = low + _CORNER_M + along * (high - low - width - 2 * _CORNER_M)
-    top = height_m if is_open and rng.random() < 0.4 else DOOR_HEIGHT_M
-    if across_x:
-        return Doorway(face, start, face + WALL_M, start + width, (a, b), leaf, top)
-    return Doorway(start, face, start + width, face + WALL_M, (a, b), leaf, top)
+    top = height_m if is_open and rng.random() < 0.4 else _DOOR_HEIGHT_M
+    return Doorway(*turned((face, start, face + WALL_M, start + width), not across_x), (a, b), leaf, top)
 
 
 def _leaf(rooms: tuple[RoomArea, ...], door: Doorway, rng: np.random.Generator) -> Rectangle:
     """Where an open door leaf stands: at one end of the gap, square to the wall, in either room."""
     room = rooms[door.rooms[int(rng.integers(2))]]
     at_low = bool(rng.random() < 0.5)
-    if door.across_x:
-        y = (door.y0 - LEAF_M, door.y0) if at_low else (door.y1, door.y1 + LEAF_M)
-        reach = door.y1 - door.y0
-        return (door.x1, y[0], door.x1 + reach, y[1]) if room.x0 >= door.x1 else (door.x0 - reach, y[0], door.x0, y[1])
-    x = (door.x0 - LEAF_M, door.x0) if at_low else (door.x1, door.x1 + LEAF_M)
-    reach = door.x1 - door.x0
-    return (x[0], door.y1, x[1], door.y1 + reach) if room.y0 >= door.y1 else (x[0], door.y0 - reach, x[1], door.y0)
+    near, start, far, end = turned(door.rectangle, not door.across_x)
+    low, high = (start - _LEAF_M, start) if at_low else (end, end + _LEAF_M)
+    beyond = turned(room.rectangle, not door.across_x)[0] >= far
+    near, far = (far, far + (end - start)) if beyond else (near - (end - start), near)
+    return turned((near, low, far, high), not door.across_x)
 
 
 def _walls(plan: ApartmentPlan) -> tuple[Rectangle, ...]:
@@ -165,14 +151,8 @@ def _windows(plan: ApartmentPlan, rng: np.random.Generator) -> tuple[Window, ...
     """One or two windows per room on its outer walls; small high ones in bathrooms, now and then down to the floor."""
     windows = []
     for index, room in enumerate(plan.rooms):
-        edge = WALL_M + 1e-6
-        outer = {
-            "left": room.x0 < edge,
-            "right": room.x1 > plan.width_m - edge,
-            "near": room.y0 < edge,
-            "far": room.y1 > plan.depth_m - edge,
-        }
-        sides = [side for side, is_outer in outer.items() if is_outer]
+        walls = {"left": room.x0, "right": plan.width_m - room.x1, "near": room.y0, "far": plan.depth_m - room.y1}
+        sides = [side for side, thick in walls.items() if thick < WALL_M + 1e-6]
         wanted = 1 if room.kind in {"bathroom", "hall", "kitchen"} else int(rng.integers(1, 3))
         for side in rng.permutation(sides)[:wanted]:
             low, high, _ = room.wall(str(side))

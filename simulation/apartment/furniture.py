@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from edgemap.simulation.apartment.made import FLAT_TOPS, LIBRARY, made
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.render.mesh import Material, Mesh, Part
+from edgemap.simulation.render.mesh import Colour, Material, Mesh, Part, triangles_of
 from edgemap.simulation.render.obj import read_obj, simplified
 
 LIBRARIES = Path("/usr/share/sweethome3d/furniture")
@@ -35,8 +35,6 @@ _MOST_TRIANGLES = 9000
 Purpose = Literal["training", "validation", "test", "frozen"]
 # Made models of the frozen block, by kind, numbered far from those of training.
 _FROZEN_NUMBERS = range(101, 105)
-
-_SHORT = {"CC0": "BlendSwap-CC-0", "CCBY": "BlendSwap-CC-BY"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,22 +102,15 @@ class Kind:
 def kinds() -> dict[str, Kind]:
     """Every kind of furniture that rooms draw from, from `models.toml`."""
     entries = tomllib.loads(resources.files("edgemap.simulation.apartment").joinpath("models.toml").read_text())
-    return {name: _kind(name, entry) for name, entry in entries.items()}
-
-
-def _kind(name: str, entry: dict[str, Any]) -> Kind:
-    models, held_out = ([_full(key) for key in entry.get(part, ())] for part in ("models", "held_out"))
-    numbered = (f"{LIBRARY}/{name}-{number}" for number in range(1, entry.get("made", 0) + 1))
-    more = tuple(key for key in numbered if key not in models)
-    scale = {_full(key): float(factor) for key, factor in entry.get("scale", {}).items()}
-    training = tuple(key for key in models if key not in held_out)
-    frozen = tuple(f"{LIBRARY}/{name}-{number}" for number in _FROZEN_NUMBERS if "made" in entry)
-    return Kind(entry.get("label", ""), training, more, tuple(held_out), frozen, scale)
-
-
-def _full(key: str) -> str:
-    library, name = key.split("/")
-    return f"{_SHORT.get(library, library)}/{name}"
+    found = {}
+    for name, entry in entries.items():
+        models, held_out = entry["models"], entry.get("held_out", ())
+        numbered = (f"{LIBRARY}/{name}-{number}" for number in range(1, entry.get("made", 0) + 1))
+        frozen = tuple(f"{LIBRARY}/{name}-{number}" for number in _FROZEN_NUMBERS if "made" in entry)
+        training = tuple(key for key in models if key not in held_out)
+        more = tuple(key for key in numbered if key not in models)
+        found[name] = Kind(entry.get("label", ""), training, more, tuple(held_out), frozen, entry.get("scale", {}))
+    return found
 
 
 def people(purpose: Purpose) -> tuple[Model, ...]:
@@ -137,7 +128,12 @@ def catalogue() -> dict[str, Model]:
         for word, number, value in re.findall(r"^(\w+)#(\d+)\s*[=:]\s*(.*?)\s*$", text, re.MULTILINE):
             entries.setdefault(int(number), {})[word] = value
         for entry in entries.values():
-            model = _model(library, entry)
+            width, depth, height = (float(entry[side]) / 100.0 for side in ("width", "depth", "height"))
+            rotation = tuple(float(number) for number in entry.get("modelRotation", "1 0 0 0 1 0 0 0 1").split())
+            creator, path = entry.get("creator", library), entry["model"].lstrip("/")
+            elevation = float(entry.get("elevation", 0.0)) / 100.0
+            top = max(float(entry.get("dropOnTopElevation", entry["height"])) / 100.0, 0.0)
+            model = Model(library, entry["name"], creator, path, width, depth, height, rotation, elevation, top)
             models.setdefault(model.key, model)
     return models
 
@@ -153,7 +149,7 @@ def model_of(key: str) -> Model:
 
 @lru_cache(maxsize=4096)
 def _made_model(key: str) -> Model:
-    depth, width, height = (float(side) for side in np.ptp(load(key).triangles().reshape(-1, 3), axis=0))
+    depth, width, height = (float(side) for side in np.ptp(triangles_of(load(key)).reshape(-1, 3), axis=0))
     name = key.partition("/")[2]
     kind, _, number = name.rpartition("-")
     top = height if kind in FLAT_TOPS else 0.0
@@ -166,7 +162,7 @@ class Tint:
     on everything, textures too."""
 
     hue: float = 0.0
-    cast: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    cast: Colour = (1.0, 1.0, 1.0)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, strength: float) -> "Tint | None":
@@ -175,34 +171,30 @@ class Tint:
             return None
         brightness = float(np.exp(rng.normal(0.0, 0.28 * strength)))
         cast = brightness * np.exp(rng.normal(0.0, 0.14 * strength, 3))
-        r, g, b = (float(channel) for channel in np.clip(cast, 0.45, 1.5))
-        return cls(float(rng.uniform(-0.5, 0.5)) * strength, (r, g, b))
+        return cls(float(rng.uniform(-0.5, 0.5)) * strength, tuple(np.clip(cast, 0.45, 1.5).tolist()))
 
     def on(self, material: Material) -> Material:
         """The material in this tint; what glows or lets light through keeps its colour."""
         if max(material.emission) > 0.0 or material.see_through:
             return material
-        red, green, blue = material.colour
+        colour = material.colour
         if material.texture is None and self.hue:
-            hue, lightness, saturation = colorsys.rgb_to_hls(*np.clip(material.colour, 0.0, 1.0))
-            red, green, blue = colorsys.hls_to_rgb((hue + self.hue) % 1.0, lightness, saturation)
-        r, g, b = (min(channel * cast, 1.2) for channel, cast in zip((red, green, blue), self.cast, strict=True))
-        return replace(material, colour=(r, g, b))
+            hue, lightness, saturation = colorsys.rgb_to_hls(*np.clip(colour, 0.0, 1.0))
+            colour = colorsys.hls_to_rgb((hue + self.hue) % 1.0, lightness, saturation)
+        return replace(material, colour=tuple(min(c * cast, 1.2) for c, cast in zip(colour, self.cast, strict=True)))
 
 
 def piece(model: Model, tint: Tint | None = None) -> Mesh:
     """The mesh of one piece: the model at this piece's size, in its tint."""
-    parts = load(model.key).parts
-    return Mesh(tuple(_dressed(part, model.scale, tint) for part in parts))
-
-
-def _dressed(part: Part, scale: tuple[float, float, float], tint: Tint | None) -> Part:
-    material = part.material if tint is None else tint.on(part.material)
-    normals = part.normals
-    if len(set(scale)) > 1:
-        normals = normals / scale
-        normals = normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-9)
-    return Part(material, part.positions * scale, normals, part.uv)
+    parts = []
+    for part in load(model.key):
+        normals = part.normals
+        if len(set(model.scale)) > 1:
+            normals = normals / model.scale
+            normals = normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-9)
+        material = part.material if tint is None else tint.on(part.material)
+        parts.append(Part(material, part.positions * model.scale, normals, part.uv))
+    return parts
 
 
 @lru_cache(maxsize=512)
@@ -225,13 +217,3 @@ def _archive(library: str) -> zipfile.ZipFile:
     if not path.exists():
         raise SimulationError(f"{path} is missing: apt-get install sweethome3d-furniture")
     return zipfile.ZipFile(path)
-
-
-def _model(library: str, entry: dict[str, str]) -> Model:
-    width, depth, height = (float(entry[side]) / 100.0 for side in ("width", "depth", "height"))
-    rotation = tuple(float(number) for number in entry.get("modelRotation", "1 0 0 0 1 0 0 0 1").split())
-    creator = entry.get("creator", library)
-    elevation = float(entry.get("elevation", 0.0)) / 100.0
-    top = max(float(entry.get("dropOnTopElevation", entry["height"])) / 100.0, 0.0)
-    path = entry["model"].lstrip("/")
-    return Model(library, entry["name"], creator, path, width, depth, height, rotation, elevation, top)

@@ -10,7 +10,6 @@ from edgemap.simulation.apartment.plan import RoomArea
 
 def dining_group(home: Layout, room: RoomArea) -> None:
     """A table with two to six like chairs round it: pushed in, pulled out, askew."""
-    table = None
     for attempt in range(40):
         model = home.model("dining table")
         x = home.uniform(room.x0 + 0.7, room.x1 - 0.7)
@@ -20,7 +19,7 @@ def dining_group(home: Layout, room: RoomArea) -> None:
         table = home.put("dining table", model, room, SE2(x, y, yaw), spare_m=(0.6 - 0.013 * attempt, 0.0))
         if table is not None:
             break
-    if table is None:
+    else:
         return
     _chairs(home, table, room)
     small_items(home, table, room, home.count(0, 4), vases=0.45)
@@ -41,7 +40,7 @@ def _chairs(home: Layout, table: Placed, room: RoomArea) -> None:
         if tucked < 0.0:
             pose = pose @ SE2(0.0, 0.0, home.uniform(-0.5, 0.5))
         # Chairs reach under the table they stand at, as far as their backs allow.
-        like = home.put("chair", chair, room, pose, ignore=(table,), like=like) or like
+        like = home.put("chair", chair, room, pose, ignore=table, like=like) or like
 
 
 def small_items(home: Layout, support: Placed, room: RoomArea, count: int, vases: float = 0.2) -> None:
@@ -54,9 +53,8 @@ def small_items(home: Layout, support: Placed, room: RoomArea, count: int, vases
 
 def kitchen(home: Layout, room: RoomArea) -> None:
     """A row along one wall: cabinets, oven, sink and refrigerator side by side, cabinets on the wall above."""
-    sides = [SIDES[i] for i in home.rng.permutation(4)]
-    rows = sorted((_row_length(home, room, side) for side in sides), reverse=True)
-    side = rows[0][1]
+    home.rng.permutation(4)  # an order of the walls that decides nothing any more, but what is drawn after it
+    side = max(SIDES, key=lambda side: (_row_length(home, room, side), side))
     kinds = ["refrigerator", "lower cabinet", "oven", "sink cabinet", "lower cabinet", "lower cabinet"]
     _row(home, room, side, kinds if home.chance(0.5) else kinds[::-1])
     for kind in ("refrigerator", "oven"):
@@ -70,14 +68,14 @@ def kitchen(home: Layout, room: RoomArea) -> None:
     home.some(room, home.in_corner, potted_plant=0.5)
 
 
-def _row_length(home: Layout, room: RoomArea, side: str) -> tuple[float, str]:
+def _row_length(home: Layout, room: RoomArea, side: str) -> float:
     """Length of a wall without its doorways."""
     low, high, face = room.wall(side)
     for door in home.plan.doorways:
         spans = (door.y0, door.y1) if side in {"near", "far"} else (door.x0, door.x1)
         if min(abs(face - spans[0]), abs(face - spans[1])) < 0.02:
-            return (high - low) / 2.0, side
-    return high - low, side
+            return (high - low) / 2.0
+    return high - low
 
 
 def _row(home: Layout, room: RoomArea, side: str, kinds: list[str]) -> None:

@@ -38,6 +38,11 @@ class Placed:
         """True where it stands on the floor rather than on other furniture or a wall."""
         return self.z_m < 0.02
 
+    @property
+    def middle_home_m(self) -> Array:
+        """Centre of its footprint, (2,)."""
+        return np.array([self.pose_home_object.x_m, self.pose_home_object.y_m])
+
     def footprint_home_m(self) -> Array:
         """Corners (4, 2) of its oriented bounding rectangle, counter-clockwise."""
         x, y = self.model.depth_m / 2.0, self.model.width_m / 2.0
@@ -45,7 +50,6 @@ class Placed:
 
 
 SIDES = ("near", "right", "far", "left")
-_YAWS = {"near": 90.0, "right": 180.0, "far": -90.0, "left": 0.0}
 _DOOR_M, _WINDOW_M = 0.7, 0.3
 _TRIES = 20
 _GROWS = {"potted plant", "cat", "dog", "person"}
@@ -89,7 +93,7 @@ class Layout:
         room: RoomArea,
         pose: SE2,
         z_m: float = 0.0,
-        ignore: Iterable[Placed] = (),
+        ignore: Placed | None = None,
         like: Placed | None = None,
         spare_m: tuple[float, float] = (0.0, 0.0),
     ) -> Placed | None:
@@ -99,10 +103,10 @@ class Layout:
         label = furniture.kinds()[kind].label
         tint = like.tint if like else Tint.draw(self.rng, 0.12 if label in _GROWS else 1.0)
         item = Placed(len(self.placed) + 1, label, model, pose, z_m, tint, kind)
-        return item if self.settle(item, room, tuple(other.id for other in ignore), spare_m) else None
+        return item if self.settle(item, room, ignore, spare_m) else None
 
     def settle(
-        self, item: Placed, room: RoomArea, ignored: tuple[int, ...] = (), spare_m: tuple[float, float] = (0.0, 0.0)
+        self, item: Placed, room: RoomArea, ignore: Placed | None = None, spare_m: tuple[float, float] = (0.0, 0.0)
     ) -> bool:
         """Places a piece at its own pose unless it would collide, as in `put`. Returns whether it was placed."""
         corners = item.footprint_home_m()
@@ -110,7 +114,9 @@ class Layout:
             return False
         top = item.z_m + item.model.height_m
         around = corners + spare_m[0] * np.sign(corners - corners.mean(axis=0))
-        if top > self.plan.height_m or self.boxes.meets(around, item.z_m, top + spare_m[1], ignored):
+        if top > self.plan.height_m or self.boxes.meets(
+            around, item.z_m, top + spare_m[1], ignore.id if ignore else -1
+        ):
             return False
         if not self.floor.takes(corners, item.z_m):
             return False
@@ -136,13 +142,12 @@ class Layout:
         back, half = model.depth_m / 2.0 + gap_m, model.width_m / 2.0 + 0.01
         x = room.x0 + half + along * (room.x1 - room.x0 - 2.0 * half)
         y = room.y0 + half + along * (room.y1 - room.y0 - 2.0 * half)
-        x, y = {
-            "near": (x, room.y0 + back),
-            "far": (x, room.y1 - back),
-            "left": (room.x0 + back, y),
-            "right": (room.x1 - back, y),
+        return {
+            "near": SE2(x, room.y0 + back, math.radians(90.0)),
+            "far": SE2(x, room.y1 - back, math.radians(-90.0)),
+            "left": SE2(room.x0 + back, y, 0.0),
+            "right": SE2(room.x1 - back, y, math.radians(180.0)),
         }[side]
-        return SE2(x, y, math.radians(_YAWS[side]))
 
     def some(self, room: RoomArea, place: Callable[[str, RoomArea], object], **chances: float) -> None:
         """Places each of these kinds with its probability. An underscore in a name is a space."""
@@ -150,13 +155,14 @@ class Layout:
             if self.chance(chance):
                 place(kind.replace("_", " "), room)
 
-    def in_corner(self, kind: str, room: RoomArea, turned: bool = True) -> Placed | None:
-        """Places a model in a corner, at a random yaw or facing the room."""
+    def in_corner(self, kind: str, room: RoomArea) -> Placed | None:
+        """Places a model in a corner: seats face the room, all else has a random yaw."""
+        turned = furniture.kinds()[kind].label != "chair"
         for _ in range(_TRIES):
             model = self.model(kind)
             reach = math.hypot(model.width_m, model.depth_m) / 2.0 if turned else model.width_m / 2.0
             reach += self.uniform(0.02, 0.12)
-            left, near = self.rng.random() < 0.5, self.rng.random() < 0.5
+            left, near = self.chance(0.5), self.chance(0.5)
             x = room.x0 + reach if left else room.x1 - reach
             y = room.y0 + reach if near else room.y1 - reach
             yaw = self.uniform(-math.pi, math.pi)
@@ -197,14 +203,12 @@ class Layout:
                 return item
         return None
 
-    def before(
-        self, kind: str, anchor: Placed, room: RoomArea, gap_m: float, facing: bool = True, ignore: bool = False
-    ) -> Placed | None:
-        """Places a model before a piece, turned towards it (or the same way); ignore: may reach over or under it."""
+    def before(self, kind: str, anchor: Placed, room: RoomArea, gap_m: float, under: bool = False) -> Placed | None:
+        """Places a model before a piece, turned as it is; under: turned towards it, and may reach over or under it."""
         model = self.model(kind)
         away = anchor.model.depth_m / 2.0 + model.depth_m / 2.0 + gap_m
-        pose = anchor.pose_home_object @ SE2(away, self.uniform(-0.1, 0.1), math.pi if facing else 0.0)
-        return self.put(kind, model, room, pose, ignore=(anchor,) if ignore else ())
+        pose = anchor.pose_home_object @ SE2(away, self.uniform(-0.1, 0.1), math.pi if under else 0.0)
+        return self.put(kind, model, room, pose, ignore=anchor if under else None)
 
     def on_top(
         self, kind: str, support: Placed, room: RoomArea, spread: float = 0.3, back: bool = False

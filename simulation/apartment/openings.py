@@ -1,9 +1,11 @@
 """Doorways with frames and open leaves, and windows with panes that shine, sills and curtains."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from edgemap.simulation.apartment import textures
-from edgemap.simulation.apartment.plan import ApartmentPlan, Doorway, Rectangle, RoomArea, Window
+from edgemap.simulation.apartment.plan import ApartmentPlan, Doorway, Rectangle, RoomArea, Window, turned
 from edgemap.simulation.render.mesh import Array, Material, Mesh, box, quad
 from edgemap.simulation.render.scene import AreaLight, Surface
 
@@ -25,40 +27,35 @@ def reveals(door: Doorway, plan: ApartmentPlan, material: Material) -> list[Surf
     return [*cheeks, Surface(np.array([door.x0, door.y0, top]), y, x, material)]
 
 
-def door_frame(door: Doorway, trim: Material) -> list[Mesh]:
+def block(rectangle: Rectangle, low_m: float, high_m: float, material: Material) -> Mesh:
+    """A box over a rectangle of the plan."""
+    x0, y0, x1, y1 = rectangle
+    return box((x0, y0, low_m), (x1, y1, high_m), material)
+
+
+def door_frame(door: Doorway, trim: Material) -> Mesh:
     """Architraves on both sides of a doorway that has a lintel."""
-    if door.height_m > 2.1:
-        return []
     w, d, top = _FRAME_M, _FRAME_DEPTH_M, door.height_m
-    x0, y0, x1, y1 = door.rectangle
-    meshes = []
-    for outer in (0, 1):
-        if door.across_x:
-            a, b = (x0 - d, x0) if outer == 0 else (x1, x1 + d)
-            spans = [((a, y0 - w), (b, y0)), ((a, y1), (b, y1 + w)), ((a, y0 - w), (b, y1 + w))]
-        else:
-            a, b = (y0 - d, y0) if outer == 0 else (y1, y1 + d)
-            spans = [((x0 - w, a), (x0, b)), ((x1, a), (x1 + w, b)), ((x0 - w, a), (x1 + w, b))]
-        for index, (low, high) in enumerate(spans):
-            bottom = top if index == 2 else 0.0
-            meshes.append(box((*low, bottom), (*high, top + (w if index == 2 else 0.0)), trim))
-    return meshes
+    if top > 2.1:
+        return []
+    x0, y0, x1, y1 = turned(door.rectangle, not door.across_x)
+    parts = []
+    for a, b in ((x0 - d, x0), (x1, x1 + d)):
+        for start, end, low, high in ((y0 - w, y0, 0.0, top), (y1, y1 + w, 0.0, top), (y0 - w, y1 + w, top, top + w)):
+            parts += block(turned((a, start, b, end), not door.across_x), low, high, trim)
+    return parts
 
 
 def door_leaf(leaf: Rectangle, trim: Material) -> Mesh:
-    """An open door with a handle on either side."""
-    x0, y0, x1, y1 = leaf
-    parts = list(box((x0, y0, 0.01), (x1, y1, 2.02), trim).parts)
+    """An open door with a handle on either side, at both ends: which of them hangs on the wall does not matter."""
+    parts = block(leaf, 0.01, 2.02, trim)
     metal = Material((0.55, 0.55, 0.56), gloss=0.5)
+    along_y = leaf[2] - leaf[0] <= leaf[3] - leaf[1]
+    a0, b0, a1, b1 = turned(leaf, along_y)
     for far_end in (0.08, 0.92):
-        x, y = x0 + far_end * (x1 - x0), y0 + far_end * (y1 - y0)
-        along_x = x1 - x0 > y1 - y0
-        # Which end hangs on the wall does not matter for a lever at both.
-        if along_x:
-            parts += box((x - 0.05, y0 - 0.04, 1.02), (x + 0.05, y1 + 0.04, 1.045), metal).parts
-        else:
-            parts += box((x0 - 0.04, y - 0.05, 1.02), (x1 + 0.04, y + 0.05, 1.045), metal).parts
-    return Mesh(tuple(parts))
+        a = a0 + far_end * (a1 - a0)
+        parts += block(turned((a - 0.05, b0 - 0.04, a + 0.05, b1 + 0.04), along_y), 1.02, 1.045, metal)
+    return parts
 
 
 def window(window: Window, room: RoomArea, trim: Material, rng: np.random.Generator) -> tuple[AreaLight, Mesh]:
@@ -73,18 +70,19 @@ def window(window: Window, room: RoomArea, trim: Material, rng: np.random.Genera
     for i in range(1, 1 + int(length > 0.7) + int(length > 1.4)):
         middle = length * i / (1 + int(length > 0.7) + int(length > 1.4))
         bars.append((middle - 0.025, bottom, middle + 0.025, top))
-    meshes = [Mesh((pane,)), *(frame.box(a, 0.0, z0, b, 0.05, z1, trim) for a, z0, b, z1 in bars)]
+    parts = [pane]
+    for a, z0, b, z1 in bars:
+        parts += frame.box(a, 0.0, z0, b, 0.05, z1, trim)
     if bottom > 0.3:
-        meshes.append(frame.box(-0.12, 0.0, bottom - rim - 0.03, length + 0.12, 0.15, bottom - rim, trim))
+        parts += frame.box(-0.12, 0.0, bottom - rim - 0.03, length + 0.12, 0.15, bottom - rim, trim)
     if rng.random() < 0.55:
-        red, green, blue = (float(c) for c in rng.uniform(0.15, 0.8, 3))
-        cloth = Material((red, green, blue))
+        cloth = Material(tuple(rng.uniform(0.15, 0.8, 3).tolist()))
         hem = 0.03 if rng.random() < 0.6 else max(bottom - 0.15, 0.03)
         for start in (-0.28, length - 0.02):
-            meshes.append(frame.curtain(start, start + 0.30, hem, top + 0.12, cloth, rng))
-        meshes.append(frame.box(-0.32, 0.06, top + 0.12, length + 0.32, 0.085, top + 0.145, trim))
+            parts += frame.curtain(start, start + 0.30, hem, top + 0.12, cloth, rng)
+        parts += frame.box(-0.32, 0.06, top + 0.12, length + 0.32, 0.085, top + 0.145, trim)
     light = AreaLight(frame.point(0.0, 0.06, bottom), u, v, np.array(_DAYLIGHT), group="day")
-    return light, joined(meshes)
+    return light, parts
 
 
 class WallFrame:
@@ -113,14 +111,6 @@ class WallFrame:
         count = 8
         out = 0.075 + 0.03 * np.where(np.arange(count + 1) % 2, 1.0, -0.6) * rng.uniform(0.7, 1.0, count + 1)
         at = np.linspace(a0, a1, count + 1)
-        parts = []
-        for i in range(count):
-            low = self.point(at[i], out[i], z0)
-            u = self.point(at[i + 1], out[i + 1], z0) - low
-            parts.append(quad(low, u, np.array([0.0, 0.0, z1 - z0]), material))
-        return Mesh(tuple(parts))
-
-
-def joined(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one."""
-    return Mesh(tuple(part for mesh in meshes for part in mesh.parts))
+        edges = [self.point(a, o, z0) for a, o in zip(at, out, strict=True)]
+        up = np.array([0.0, 0.0, z1 - z0])
+        return [quad(low, high - low, up, material) for low, high in pairwise(edges)]

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 
 Rectangle = tuple[float, float, float, float]
 WALL_M = 0.12
-DOOR_HEIGHT_M = 2.05
+
+
+def turned(rectangle: Rectangle, turn: bool) -> Rectangle:
+    """The rectangle with x and y exchanged where `turn`, so that one rule serves walls along x and along y."""
+    x0, y0, x1, y1 = rectangle
+    return (y0, x0, y1, x1) if turn else rectangle
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,21 +37,14 @@ class RoomArea:
 
     def wall(self, side: str) -> tuple[float, float, float]:
         """Start and end of a wall along x (near, far) or y (left, right), and its face on the other axis."""
-        return {
-            "near": (self.x0, self.x1, self.y0),
-            "far": (self.x0, self.x1, self.y1),
-            "left": (self.y0, self.y1, self.x0),
-            "right": (self.y0, self.y1, self.x1),
-        }[side]
+        low, near, high, far = turned(self.rectangle, side in {"left", "right"})
+        return low, high, near if side in {"near", "left"} else far
 
     def strip(self, side: str, low_m: float, high_m: float, depth_m: float) -> Rectangle:
         """The floor before a stretch of a wall, `depth_m` into the room."""
-        return {
-            "near": (low_m, self.y0, high_m, self.y0 + depth_m),
-            "far": (low_m, self.y1 - depth_m, high_m, self.y1),
-            "left": (self.x0, low_m, self.x0 + depth_m, high_m),
-            "right": (self.x1 - depth_m, low_m, self.x1, high_m),
-        }[side]
+        _, _, face = self.wall(side)
+        near, far = (face, face + depth_m) if side in {"near", "left"} else (face - depth_m, face)
+        return turned((low_m, near, high_m, far), side in {"left", "right"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +60,7 @@ class Doorway:
     y1: float
     rooms: tuple[int, int]
     leaf: bool
-    height_m: float = DOOR_HEIGHT_M
+    height_m: float
 
     @property
     def rectangle(self) -> Rectangle:

@@ -31,16 +31,15 @@ def _living(home: Layout, room: RoomArea) -> None:
 def _seating(home: Layout, room: RoomArea) -> None:
     """Sofa on one wall, television across the room, armchairs beside the sofa or facing it."""
     sides = [SIDES[i] for i in home.rng.permutation(4)]
-    sofa = None
     for side in sides:
-        sofa = sofa or home.against_wall("couch" if home.chance(0.85) else "corner couch", room, [side])
+        sofa = home.against_wall("couch" if home.chance(0.85) else "corner couch", room, [side])
         if sofa is not None:
-            _television(home, room, _OPPOSITE[side])
             break
-    if sofa is None:
+    else:
         return
+    _television(home, room, _OPPOSITE[side])
     if home.chance(0.6):
-        table = home.before("coffee table", sofa, room, home.uniform(0.32, 0.45), facing=False)
+        table = home.before("coffee table", sofa, room, home.uniform(0.32, 0.45))
         if table is not None:
             small_items(home, table, room, home.count(0, 2))
     if home.chance(0.75):
@@ -63,9 +62,8 @@ def _facing(home: Layout, kind: str, anchor: Placed, room: RoomArea) -> None:
 
 def _television(home: Layout, room: RoomArea, side: str) -> None:
     if home.chance(0.75):
-        stand = home.against_wall("tv stand", room, [side], above_m=0.8) or home.against_wall(
-            "tv stand", room, above_m=0.8
-        )
+        stand = home.against_wall("tv stand", room, [side], above_m=0.8)
+        stand = stand or home.against_wall("tv stand", room, above_m=0.8)
         if stand is not None:
             home.on_top("tv", stand, room, spread=0.1, back=True)
             if home.chance(0.4):
@@ -83,8 +81,7 @@ def _dining(home: Layout, room: RoomArea) -> None:
     home.some(room, home.against_wall, bookcase=0.4)
     for _ in range(home.count(1, 2)):
         home.in_corner("potted plant", room)
-    if home.chance(0.4):
-        home.in_corner("armchair", room, turned=False)
+    home.some(room, home.in_corner, armchair=0.4)
 
 
 def _bedroom(home: Layout, room: RoomArea) -> None:
@@ -104,8 +101,7 @@ def _bedroom(home: Layout, room: RoomArea) -> None:
             home.on_top("tv", drawers, room, 0.1, back=True) if home.chance(0.5) else small_items(
                 home, drawers, room, 2
             )
-    if home.chance(0.4):
-        home.in_corner("armchair", room, turned=False)
+    home.some(room, home.in_corner, armchair=0.4)
     home.by_wall("potted plant", room)
     home.some(room, home.by_wall, suitcase=0.6, backpack=0.6)
 
@@ -115,7 +111,7 @@ def _study(home: Layout, room: RoomArea) -> None:
     home.some(room, home.against_wall, bookcase=0.9)
     home.some(room, home.against_wall, bookcase=0.5, drawers=0.3, radiator=0.5)
     if home.chance(0.5):
-        home.in_corner("armchair", room, turned=False)
+        home.in_corner("armchair", room)
     elif home.chance(0.6):
         home.against_wall("couch", room)
     home.some(room, home.by_wall, backpack=0.5)
@@ -127,7 +123,7 @@ def _workplace(home: Layout, room: RoomArea) -> None:
     desk = home.against_wall("desk", room)
     if desk is None:
         return
-    home.before("office chair" if home.chance(0.7) else "chair", desk, room, -home.uniform(-0.1, 0.2), ignore=True)
+    home.before("office chair" if home.chance(0.7) else "chair", desk, room, -home.uniform(-0.1, 0.2), under=True)
     if home.chance(0.8):
         home.on_top("laptop" if home.chance(0.5) else "computer", desk, room, spread=0.15, back=True)
     home.on_top("desk lamp", desk, room, spread=0.4)

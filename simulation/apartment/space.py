@@ -21,23 +21,19 @@ class Boxes:
     """Upright boxes: oriented rectangles (4, 2) counter-clockwise, from a low to a high z, each with a number."""
 
     def __init__(self) -> None:
-        self._corners: Array = np.zeros((0, 4, 2))
-        self._spans: Array = np.zeros((0, 2))
-        self._numbers: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+        self._boxes: list[tuple[Array, float, float, int]] = []
 
     def add(self, corners: Array, low_m: float, high_m: float, number: int) -> None:
         """One more box."""
-        self._corners = np.concatenate([self._corners, corners[None]])
-        self._spans = np.concatenate([self._spans, [[low_m, high_m]]])
-        self._numbers = np.append(self._numbers, number)
+        self._boxes.append((corners, low_m, high_m, number))
 
-    def meets(self, corners: Array, low_m: float, high_m: float, ignore: tuple[int, ...] = ()) -> bool:
-        """Whether a box overlaps any of them, those of the numbers to ignore apart (separating axes)."""
-        near = (self._spans[:, 0] < high_m - 1e-4) & (self._spans[:, 1] > low_m + 1e-4)
-        near &= ~np.isin(self._numbers, ignore)
-        others = self._corners[near]
-        if not len(others):
+    def meets(self, corners: Array, low_m: float, high_m: float, ignore: int = -1) -> bool:
+        """Whether a box overlaps any of them, that of the number to ignore apart (separating axes)."""
+        low_m, high_m = low_m + 1e-4, high_m - 1e-4
+        near = [box for box, low, high, number in self._boxes if low < high_m and high > low_m and number != ignore]
+        if not near:
             return False
+        others = np.array(near)
         apart = np.zeros(len(others), dtype=bool)
         own = np.diff(corners[:3], axis=0)
         for axis in own:
@@ -66,7 +62,8 @@ class Floor:
             self._free |= self._inside(hole.rectangle)
         for leaf in plan.leaves:
             self._free &= ~self._inside(leaf)
-        self._doors = [_middle_cell(door.rectangle) for door in plan.doorways]
+        middles = [((door.y0 + door.y1) / 2.0, (door.x0 + door.x1) / 2.0) for door in plan.doorways]
+        self._doors = [(int(y / _CELL_M), int(x / _CELL_M)) for y, x in middles]
         self._rooms = [self._inside(room.rectangle) for room in plan.rooms]
         self._least = [
             max(_REACH_M2, _REACH_SHARE * (room.x1 - room.x0) * (room.y1 - room.y0)) / _CELL_M**2 for room in plan.rooms
@@ -106,8 +103,3 @@ class Floor:
     def _inside(self, rectangle: Rectangle) -> NDArray[np.bool_]:
         x0, y0, x1, y1 = rectangle
         return (self._x > x0) & (self._x < x1) & (self._y > y0) & (self._y < y1)
-
-
-def _middle_cell(rectangle: Rectangle) -> tuple[int, int]:
-    x0, y0, x1, y1 = rectangle
-    return int((y0 + y1) / 2.0 / _CELL_M), int((x0 + x1) / 2.0 / _CELL_M)

@@ -25,6 +25,14 @@ def noise(rng: np.random.Generator, rows: int, columns: int, stretch: float = 1.
     return field / field.std()
 
 
+def grained(rng: np.random.Generator, size_px: int, *layers: tuple[float, float]) -> Array:
+    """Factors on a colour, (size, size, 1): 1 with noise in layers, each of an amount and a slope."""
+    field = np.ones((size_px, size_px))
+    for amount, slope in layers:
+        field = field + amount * noise(rng, size_px, size_px, slope=slope)
+    return field[..., None]
+
+
 def planks(rng: np.random.Generator, colour: ArrayLike, size_px: int = 1024, count: int = 14) -> Texture:
     """A wooden floor of `count` planks that run along u. Each has its own shade, grain and end joints."""
     image = np.empty((size_px, size_px, 3))
@@ -43,15 +51,12 @@ def planks(rng: np.random.Generator, colour: ArrayLike, size_px: int = 1024, cou
         board[:2] = base * 0.45
         board[2:4] *= 0.85
         image[top:bottom] = board
-    return _finished(image)
+    return finished(image)
 
 
 def paint(rng: np.random.Generator, colour: ArrayLike) -> Texture:
     """Painted plaster: almost uniform, with the orange-peel texture of a paint roller."""
-    size_px = 256
-    bumps = noise(rng, size_px, size_px, slope=0.6)
-    clouds = noise(rng, size_px, size_px, slope=1.6)
-    return _finished(np.asarray(colour, dtype=np.float64) * (1.0 + 0.012 * bumps + 0.004 * clouds)[..., None])
+    return finished(np.asarray(colour) * grained(rng, 256, (0.012, 0.6), (0.004, 1.6)))
 
 
 def tiles(rng: np.random.Generator, colour: ArrayLike, count: int = 4) -> Texture:
@@ -65,7 +70,7 @@ def tiles(rng: np.random.Generator, colour: ArrayLike, count: int = 4) -> Textur
     image = np.asarray(colour, dtype=np.float64) * (shade[np.ix_(row, row)] * (1.0 + 0.035 * veins))[..., None]
     joint = np.minimum(column, size_px - 1 - column) < max(2, count) * 1.5
     image[joint[:, None] | joint[None]] = np.asarray(colour, dtype=np.float64) * rng.choice([0.6, 0.85])
-    return _finished(image)
+    return finished(image)
 
 
 def parquet(rng: np.random.Generator, colour: ArrayLike) -> Texture:
@@ -83,14 +88,12 @@ def parquet(rng: np.random.Generator, colour: ArrayLike) -> Texture:
         square[edge] *= 0.7
         square[:, 0] *= 0.7
         image[i * side : (i + 1) * side, j * side : (j + 1) * side] = square if (i + j) % 2 else square.swapaxes(0, 1)
-    return _finished(image)
+    return finished(image)
 
 
 def carpet(rng: np.random.Generator, colour: ArrayLike) -> Texture:
     """Short-pile carpet: fine speckle, and faint clouds where people have walked."""
-    size_px = 384
-    pile, wear = noise(rng, size_px, size_px, slope=0.15), noise(rng, size_px, size_px, slope=1.5)
-    return _finished(np.asarray(colour, dtype=np.float64) * (1.0 + 0.10 * pile + 0.03 * wear)[..., None])
+    return finished(np.asarray(colour) * grained(rng, 384, (0.10, 0.15), (0.03, 1.5)))
 
 
 def wallpaper(rng: np.random.Generator, colour: ArrayLike) -> Texture:
@@ -106,8 +109,7 @@ def wallpaper(rng: np.random.Generator, colour: ArrayLike) -> Texture:
         row = np.floor(v * 2 * count)
         across, up = (u * count + 0.5 * (row % 2)) % 1.0 - 0.5, (v * 2 * count) % 1.0 - 0.5
         mix = np.clip(8.0 * (rng.uniform(0.2, 0.38) - np.hypot(across, up * 0.7)), 0.0, 1.0)
-    grain = 1.0 + 0.012 * noise(rng, size_px, size_px, slope=0.5)
-    return _finished((base + (other - base) * mix[..., None]) * grain[..., None])
+    return finished((base + (other - base) * mix[..., None]) * grained(rng, size_px, (0.012, 0.5)))
 
 
 def rug(rng: np.random.Generator, colours: ArrayLike, size_px: int = 768) -> Texture:
@@ -120,9 +122,7 @@ def rug(rng: np.random.Generator, colours: ArrayLike, size_px: int = 768) -> Tex
     index = np.where(edge > 0.80, 1, index)
     index = np.where((edge > 0.84) & (edge < 0.93), 2 % len(palette), index)
     index = np.where(edge > 0.97, 0, index)
-    weave = noise(rng, size_px, size_px, slope=0.1)
-    wear = noise(rng, size_px, size_px, slope=1.4)
-    return _finished(palette[index] * (1.0 + 0.09 * weave + 0.05 * wear)[..., None])
+    return finished(palette[index] * grained(rng, size_px, (0.09, 0.1), (0.05, 1.4)))
 
 
 def woven(rng: np.random.Generator, colours: ArrayLike) -> Texture:
@@ -133,17 +133,15 @@ def woven(rng: np.random.Generator, colours: ArrayLike) -> Texture:
     way = int(rng.integers(3))
     field = (u if way == 0 else np.maximum(np.abs(u), np.abs(v)) if way == 1 else np.hypot(u, v)) + 2.0
     index = np.floor(field * rng.uniform(1.5, 9.0)).astype(int) % len(palette)
-    weave = 1.0 + 0.10 * noise(rng, size_px, size_px, slope=0.1) + 0.04 * noise(rng, size_px, size_px, slope=1.4)
-    return _finished(palette[index] * weave[..., None])
+    return finished(palette[index] * grained(rng, size_px, (0.10, 0.1), (0.04, 1.4)))
 
 
 def abstract(rng: np.random.Generator) -> Texture:
     """A modern picture: flat fields of colour cut by soft edges."""
-    width_px, height_px = 256, 256
     palette = rng.uniform(20, 245, (int(rng.integers(3, 7)), 3))
-    field = noise(rng, height_px, width_px, slope=rng.uniform(1.2, 2.0))
+    field = noise(rng, 256, 256, slope=rng.uniform(1.2, 2.0))
     index = np.digitize(field, np.linspace(-1.3, 1.3, len(palette) - 1))
-    return _finished(palette[index] * (1.0 + 0.05 * noise(rng, height_px, width_px, slope=0.6)[..., None]))
+    return finished(palette[index] * grained(rng, 256, (0.05, 0.6)))
 
 
 def landscape(rng: np.random.Generator) -> Texture:
@@ -159,7 +157,7 @@ def landscape(rng: np.random.Generator) -> Texture:
         ridge = 0.45 + 0.12 * layer + 0.05 * noise(rng, 1, width_px, slope=1.4)[0]
         tone = np.array([92, 118, 128]) * (1.0 - 0.13 * layer) + rng.uniform(-12, 12, 3)
         image = np.where(((1.0 - v) > ridge[None])[..., None], tone, image)
-    return _finished(image * (1.0 + 0.06 * noise(rng, height_px, width_px, slope=0.8)[..., None]))
+    return finished(image * (1.0 + 0.06 * noise(rng, height_px, width_px, slope=0.8)[..., None]))
 
 
 def outdoors(rng: np.random.Generator) -> Texture:
@@ -171,10 +169,11 @@ def outdoors(rng: np.random.Generator) -> Texture:
     green = np.array([150, 172, 128]) + 26.0 * leaves[..., None]
     sky = np.array([232.0, 240.0, 250.0]) - 10.0 * noise(rng, height_px, width_px, slope=2.0)[..., None] ** 2
     mix = np.clip((line - v) * 14.0, 0.0, 1.0)[..., None]
-    return _finished(green * mix + sky * (1.0 - mix))
+    return finished(green * mix + sky * (1.0 - mix))
 
 
-def _finished(image: Array) -> Texture:
+def finished(image: Array) -> Texture:
+    """The texture of an image (H, W, 3), or a grey one (H, W, 1), 0..255."""
     rgba = np.full((*image.shape[:2], 4), 255, dtype=np.uint8)
     rgba[..., :3] = np.clip(image, 0.0, 255.0).astype(np.uint8)
     return rgba

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import map_coordinates
+from scipy.signal import lfilter
 
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import Probes
@@ -61,8 +62,9 @@ def light_levels(probes: Probes, poses: Array) -> tuple[Array, Array]:
     """Mean light in full daylight and with all lamps on, ahead of base poses (N, 3): irradiance / pi, (N,) each."""
     ahead = poses[:, :2] + _AHEAD_M * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
     at = ((ahead - probes.corner_m[:2]) / probes.step_m[:2]).T
-    day, lamp = (
-        map_coordinates(light.mean(axis=(2, 3, 4)), at, order=1, mode="nearest") for light in (probes.day, probes.lamp)
+    lamp, day = (
+        map_coordinates(np.ascontiguousarray(light).mean(axis=(2, 3, 4)), at, order=1, mode="nearest")
+        for light in np.split(probes.light, 2, axis=-1)
     )
     return day, lamp
 
@@ -82,9 +84,5 @@ def gains(probes: Probes, script: LightScript, motion: Sampled, stamps_s: Array,
     day, lamp = light_levels(probes, motion.at(time))
     wanted = np.log(settled_gain(day_share * day + lamp_share * lamp))
     keep = float(np.exp(-_STEP_S / lag_s)) if lag_s > 0.0 else 0.0
-    reached = np.empty_like(wanted)
-    level = wanted[0]
-    for index, goal in enumerate(wanted):
-        level = keep * level + (1.0 - keep) * goal
-        reached[index] = level
+    reached, _ = lfilter([1.0 - keep], [1.0, -keep], wanted, zi=[keep * wanted[0]])
     return np.exp(np.interp(stamps_s, time, reached))

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.frame import jpeg, png
-from edgemap.simulation.camera.shutter import exposed, optical_twist
-from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.camera.shutter import Twist, exposed
+from edgemap.simulation.render.renderer import RenderedFrame
 
 _INTRINSICS = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
 _MOUNT = Mount.from_degrees(0.60, 11.5, forward_m=0.15)
@@ -51,23 +51,15 @@ _SPEED_M_S, _YAW_RATE_RAD_S = 0.4, 0.8
 
 
 def sensed(
-    picture: NDArray[np.uint8],
-    depth_m: NDArray[np.float32],
-    intrinsics: Intrinsics,
-    mount: Mount,
-    velocity: Array,
-    effects: Effects,
-    gain: float,
-    rng: np.random.Generator,
+    frame: RenderedFrame, lens: Intrinsics, twist: Twist, effects: Effects, gain: float, rng: np.random.Generator
 ) -> NDArray[np.uint8]:
-    """Sensor model: applied to a picture (H, W, 3) that was rendered for the middle of its exposure.
+    """Sensor model: the picture (H, W, 3) of a frame that was rendered for the middle of its exposure.
 
-    depth_m: (H, W) at that moment. velocity: of the base, forward m/s, left m/s, yaw rad/s. gain: how much the picture
-    was brightened, 1 in good light.
+    twist: of the camera, as `optical_twist` gives it. gain: how much the picture was brightened, 1 in good light.
     """
+    picture = frame.picture
     if effects.exposure_s or effects.readout_s:
-        twist = optical_twist(velocity, mount)
-        picture = exposed(picture, depth_m, intrinsics, twist, effects.exposure_s, effects.readout_s)
+        picture = exposed(picture, frame.depth_m, lens, twist, effects.exposure_s, effects.readout_s)
     if effects.shot or effects.read:
         picture = noisy(picture, effects.shot, effects.read, gain, rng)
     return picture
@@ -81,23 +73,19 @@ def encoded(picture: NDArray[np.uint8], jpeg_quality: int | None) -> tuple[bytes
     return jpeg(picture, jpeg_quality), ".jpg"
 
 
-def noise_levels(shot: float, read: float, gain: float) -> NDArray[np.float32]:
-    """Standard deviation in grey levels for each of the 256 levels of a gamma-coded picture.
-
-    Light is level^2.2. Its variance, shot^2 gain light + (read gain)^2, is converted to levels by the derivative of the
-    inverse, level = light^(1/2.2).
-    """
-    level = np.maximum(np.arange(256) / 255.0, 0.02)
-    sigma = np.sqrt(shot**2 * gain * level**_GAMMA + (read * gain) ** 2)
-    return (255.0 * sigma / (_GAMMA * level ** (_GAMMA - 1.0))).clip(0.0, 25.0).astype(np.float32)
-
-
 def noisy(
     picture: NDArray[np.uint8], shot: float, read: float, gain: float, rng: np.random.Generator
 ) -> NDArray[np.uint8]:
-    """The picture with the noise of one exposure; gain: how much it was brightened, 1 in good light."""
+    """The picture with the noise of one exposure; gain: how much it was brightened, 1 in good light.
+
+    Light is level^2.2 of a gamma-coded picture. Its variance, shot^2 gain light + (read gain)^2, is converted to levels
+    by the derivative of the inverse, level = light^(1/2.2).
+    """
+    level = np.maximum(np.arange(256) / 255.0, 0.02)
+    sigma = np.sqrt(shot**2 * gain * level**_GAMMA + (read * gain) ** 2)
+    grey_levels = (255.0 * sigma / (_GAMMA * level ** (_GAMMA - 1.0))).clip(0.0, 25.0).astype(np.float32)
     noise = rng.standard_normal(picture.shape, dtype=np.float32)
-    noise *= np.asarray(cv2.LUT(picture, noise_levels(shot, read, gain)))
+    noise *= np.asarray(cv2.LUT(picture, grey_levels))
     return np.asarray(cv2.add(noise, picture, dtype=cv2.CV_8U), dtype=np.uint8)
 
 

@@ -2,7 +2,6 @@
 
 import math
 from functools import cache
-from typing import Any
 
 import cv2
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.render.view import NO_MAP
 
 # Flow below this many pixels changes nothing that one sees.
 _LEAST_PX = 1.0
@@ -18,11 +18,12 @@ _MOST_SAMPLES = 9
 # The flow is smooth but for outlines: it is worked out on every fourth pixel.
 _COARSE = 4
 _FAR_M = 8.0
-# cv2.remap's second map, which its first one makes superfluous.
-_NO_MAP: Any = None
 
 
-def optical_twist(velocity: Array, mount: Mount) -> tuple[Array, Array]:
+Twist = tuple[Array, Array]
+
+
+def optical_twist(velocity: Array, mount: Mount) -> Twist:
     """Velocity (3,) m/s and rotation (3,) rad/s of the camera in its own optical axes.
 
     velocity: forward m/s, left m/s, yaw rad/s of the base.
@@ -58,7 +59,7 @@ def exposed(
     picture: NDArray[np.uint8],
     depth_m: NDArray[np.float32],
     intrinsics: Intrinsics,
-    twist: tuple[Array, Array],
+    twist: Twist,
     exposure_s: float,
     readout_s: float,
 ) -> NDArray[np.uint8]:
@@ -81,6 +82,6 @@ def exposed(
     total = np.zeros(picture.shape, dtype=np.float32)
     for moment_s in moments_s:
         source = start - flow * np.float32(moment_s)
-        seen = cv2.remap(picture, source, _NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        seen = cv2.remap(picture, source, NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         cv2.accumulate(seen, total)
     return np.asarray(cv2.convertScaleAbs(total, alpha=1.0 / count), dtype=np.uint8)

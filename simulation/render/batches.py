@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.simulation.render.mesh import Array, Material, welded
+from edgemap.simulation.render.mesh import Array, Material, Part, welded
 from edgemap.simulation.render.scene import ROOM_ID, LitPart, LitSurface
 
 _GLOSS = 0.01
@@ -30,22 +30,13 @@ CORNERS = np.dtype(
 SURFACES = np.dtype([("position", "3f4"), ("uv", "2f4"), ("normal", "4i1"), ("tint", "4u1"), ("map_uv", "2f4")])
 
 
-@dataclass(frozen=True, slots=True)
-class SurfaceKind:
-    """What a surface needs of the shader. light_map: lit by a texture, else at its corners."""
-
-    light_map: bool
-    image: bool
-    holes: bool
-    glossy: bool
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Batch:
-    """One draw call: `count` indices from `first`. corners: (8, 3) of its bounding box, metres."""
+    """One draw call: `count` indices from `first`. needs: of the shader, names of glsl/surface: IMAGE, HOLES, GLOSSY,
+    and LIGHT_MAP where it is lit by a texture, not at its corners. corners: (8, 3) of its bounding box, metres."""
 
     id: int
-    kind: SurfaceKind
+    needs: frozenset[str]
     material: Material
     first: int
     count: int
@@ -71,9 +62,8 @@ def pack_parts(parts: Sequence[LitPart]) -> Packed:
         rows = np.concatenate([_corner_rows(lit) for lit in group])
         keep, inverse = welded(rows.view(np.uint8).reshape(len(rows), -1))
         material = group[0].part.material
-        batches.append(
-            Batch(group[0].id, _kind(material, False), material, first, len(rows), _box(rows["position"][keep]))
-        )
+        box = _box(rows["position"][keep])
+        batches.append(Batch(group[0].id, _needs(material), material, first, len(rows), box))
         indices.append((inverse + sum(map(len, vertices))).astype(np.uint32))
         vertices.append(rows[keep])
         first += len(rows)
@@ -82,17 +72,15 @@ def pack_parts(parts: Sequence[LitPart]) -> Packed:
 
 def pack_surfaces(surfaces: Sequence[LitSurface], places: Sequence[Array]) -> Packed:
     """Surfaces with their light maps' places in the atlas: (u0, v0, u1, v1) of each map's border, 0..1."""
-    rows, batches = np.zeros(6 * len(surfaces), SURFACES), []
+    vertices, batches = [], []
     for number, (lit, place) in enumerate(zip(surfaces, places, strict=True)):
-        part, at = lit.surface.part(), rows[6 * number : 6 * number + 6]
-        at["position"], at["uv"] = part.positions.reshape(-1, 3), part.uv.reshape(-1, 2)
-        at["normal"][:, :3] = np.round(part.normals.reshape(-1, 3) * 127.0)
-        at["tint"][:, :3] = _encoded(part.material.colour)
-        share = part.uv.reshape(-1, 2) / part.uv.reshape(-1, 2).max(axis=0)
-        at["map_uv"] = place[:2] + share * (place[2:] - place[:2])
-        box = _box(part.positions.reshape(-1, 3))
-        batches.append(Batch(ROOM_ID, _kind(part.material, True), part.material, 6 * number, 6, box))
-    return Packed(rows, np.arange(len(rows), dtype=np.uint32), tuple(batches))
+        part = lit.surface.part()
+        rows, share = _rows(part, SURFACES), part.uv.reshape(-1, 2) / part.uv.reshape(-1, 2).max(axis=0)
+        rows["map_uv"] = place[:2] + share * (place[2:] - place[:2])
+        vertices.append(rows)
+        needs, box = _needs(part.material) | {"LIGHT_MAP"}, _box(part.positions.reshape(-1, 3))
+        batches.append(Batch(ROOM_ID, needs, part.material, 6 * number, 6, box))
+    return Packed(np.concatenate(vertices), np.arange(6 * len(surfaces), dtype=np.uint32), tuple(batches))
 
 
 def _drawn_alike(lit: LitPart) -> tuple[Any, ...]:
@@ -105,22 +93,24 @@ def _drawn_alike(lit: LitPart) -> tuple[Any, ...]:
 
 
 def _corner_rows(lit: LitPart) -> NDArray[Any]:
-    part = lit.part
-    rows = np.zeros(3 * len(part.positions), CORNERS)
-    rows["position"], rows["uv"] = part.positions.reshape(-1, 3), part.uv.reshape(-1, 2)
-    rows["normal"][:, :3] = np.round(part.normals.reshape(-1, 3) * 127.0)
-    rows["tint"][:, :3] = _encoded(part.material.colour)
-    rows["lamp_front"], rows["lamp_back"] = lit.front.reshape(-1, 3), lit.back.reshape(-1, 3)
-    rows["day_front"], rows["day_back"] = lit.day_front.reshape(-1, 3), lit.day_back.reshape(-1, 3)
+    rows = _rows(lit.part, CORNERS)
+    for side, light in (("front", lit.front), ("back", lit.back)):
+        rows[f"lamp_{side}"], rows[f"day_{side}"] = np.split(light.reshape(-1, 6), 2, axis=1)
     return rows
 
 
-def _kind(material: Material, light_map: bool) -> SurfaceKind:
-    return SurfaceKind(light_map, material.texture is not None, material.cut_out, material.gloss > _GLOSS)
+def _rows(part: Part, kind: np.dtype) -> NDArray[Any]:
+    """A row for each corner of a part's triangles, still without light."""
+    rows = np.zeros(3 * len(part.positions), kind)
+    rows["position"], rows["uv"] = part.positions.reshape(-1, 3), part.uv.reshape(-1, 2)
+    rows["normal"][:, :3] = np.round(part.normals.reshape(-1, 3) * 127.0)
+    rows["tint"][:, :3] = np.round(255.0 * np.sqrt(np.clip(part.material.colour, 0.0, 1.0)))
+    return rows
 
 
-def _encoded(colour: Sequence[float]) -> NDArray[np.uint8]:
-    return np.round(255.0 * np.sqrt(np.clip(np.asarray(colour), 0.0, 1.0))).astype(np.uint8)
+def _needs(material: Material) -> frozenset[str]:
+    needs = {"IMAGE": material.texture is not None, "HOLES": material.cut_out, "GLOSSY": material.gloss > _GLOSS}
+    return frozenset(name for name, needed in needs.items() if needed)
 
 
 def _box(points: Array) -> Array:

@@ -1,12 +1,13 @@
 """OpenGL without a screen: one GLSL program for each kind of surface, meshes and textures in memory, draw batches.
 
-The GLSL source in glsl/ serves all kinds of surface; `source` leaves out what a kind does not need. Mesa draws on the
+The GLSL source in glsl/ serves all kinds of surface; `program` leaves out what a kind does not need. Mesa draws on the
 processor, where each fragment is expensive. Matte, plain surfaces therefore get their colour at the vertices. Only
 glossy surfaces compute highlights, and only surfaces with holes may discard fragments. Colours are stored as square
 roots (textures in, pixels out) because gamma curves cost more than everything else. `DISPLAY` converts square roots to
 sRGB afterwards."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.render.batches import Batch, Packed, SurfaceKind
+from edgemap.simulation.render.batches import Batch, Packed
 from edgemap.simulation.render.mesh import Array
 
 LAMPS = 4
@@ -25,17 +26,10 @@ THREE_OF_FOUR = {"normal": "3i1 1x", "tint": "3f1 1x"}  # moderngl's formats of 
 DISPLAY = np.round(255.0 * (np.arange(256) / 255.0) ** (2.0 / 2.2)).astype(np.uint8)
 
 
-def source(kind: SurfaceKind) -> tuple[str, str]:
-    """Vertex and fragment shader for a kind of surface."""
-    flags = {"LIGHT_MAP": kind.light_map, "IMAGE": kind.image, "HOLES": kind.holes, "GLOSSY": kind.glossy}
-    return shader("surface", "".join(f"#define {name}\n" for name, on in flags.items() if on))
-
-
-def shader(name: str, head: str = "") -> tuple[str, str]:
-    """Vertex and fragment shader glsl/NAME. head: text inserted before both."""
-    folder = Path(__file__).with_name("glsl")
-    vertex, fragment = ((folder / f"{name}.{kind}").read_text() for kind in ("vert", "frag"))
-    return f"#version 330\n{head}{vertex}", f"#version 330\n{head}{fragment}"
+def shader(name: str, needs: Iterable[str] = ()) -> list[str]:
+    """Vertex and fragment shader glsl/NAME. needs: names that are defined in both."""
+    head = "#version 330\n" + "".join(f"#define {need}\n" for need in needs)
+    return [head + Path(__file__).with_name("glsl").joinpath(f"{name}.{kind}").read_text() for kind in ("vert", "frag")]
 
 
 class RenderTarget:
@@ -44,8 +38,15 @@ class RenderTarget:
     def __init__(self) -> None:
         import moderngl
 
-        self.gl, self.context = moderngl, _context(moderngl)
-        self._programs: dict[SurfaceKind, Any] = {}
+        self.gl: Any = moderngl
+        libraries = {"libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+        try:
+            self.context = self.gl.create_context(standalone=True, backend="egl", **libraries)
+        except Exception as error:
+            raise SimulationError(
+                f"no OpenGL without a screen ({error}): apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
+            ) from None
+        self._programs: dict[frozenset[str], Any] = {}
         self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
         self.silhouette = self.context.program(*shader("silhouette"))
         self._shadow = self.context.program(*shader("shadow"))
@@ -53,21 +54,18 @@ class RenderTarget:
         self._square = self.context.vertex_array(
             self._shadow, [(self.context.buffer(square.tobytes()), "2f", "corner")]
         )
-        self.white = self._uploaded(np.full((16, 16, 4), 255, dtype=np.uint8))
 
-    def program(self, kind: SurfaceKind) -> Any:
-        """The program that draws a kind of surface. It is compiled at the first call."""
-        if kind not in self._programs:
-            made = self._programs[kind] = self.context.program(*source(kind))
+    def program(self, needs: frozenset[str]) -> Any:
+        """The program that draws surfaces with these needs. It is compiled at the first call."""
+        if needs not in self._programs:
+            made = self._programs[needs] = self.context.program(*shader("surface", needs))
             for unit, name in enumerate(("image", "light_map")):
                 if name in made:
                     made[name] = unit
-        return self._programs[kind]
+        return self._programs[needs]
 
-    def texture(self, image: NDArray[np.uint8] | None) -> Any:
-        """The OpenGL texture of an image (H, W, 4), sRGB. It is uploaded once. White for None."""
-        if image is None:
-            return self.white
+    def texture(self, image: NDArray[np.uint8]) -> Any:
+        """The OpenGL texture of an image (H, W, 4), sRGB. It is uploaded once."""
         if id(image) not in self._textures:
             # The image is kept too, so that its id is not reused.
             self._textures[id(image)] = image, self._uploaded(image)
@@ -85,10 +83,6 @@ class RenderTarget:
         """A framebuffer (width, height) with 8-bit components and an optional depth buffer."""
         colour = self.context.renderbuffer(size, components)
         return self.context.framebuffer(colour, self.context.depth_renderbuffer(size) if depth else None)
-
-    def close(self) -> None:
-        """Releases the context."""
-        self.context.release()
 
     def _uploaded(self, image: NDArray[np.uint8]) -> Any:
         """A texture with mipmaps. Its sides are powers of two, because Mesa compiles each shader again for each kind of
@@ -116,44 +110,17 @@ class Meshes:
         self._indices = canvas.context.buffer(packed.indices.tobytes())
 
     def array(self, program: Any) -> Any:
-        """The vertex array that feeds a program."""
+        """The vertex array that feeds a program. Attributes that it does not read are padding in moderngl's format."""
         if program.glo not in self._arrays:
-            names = [name for name in self.packed.vertices.dtype.names or () if name in program]
+            dtype = self.packed.vertices.dtype
+            parts = {name: dtype[name] for name in dtype.names or ()}
+            kinds = {name: f"{part.shape[0]}f{part.base.itemsize}" for name, part in parts.items()} | THREE_OF_FOUR
+            read = " ".join(kinds[name] if name in program else f"{part.itemsize}x" for name, part in parts.items())
+            content = (self.vertices, read, *(name for name in parts if name in program))
             self._arrays[program.glo] = self._canvas.context.vertex_array(
-                program, [(self.vertices, self._format(set(names)), *names)], self._indices, index_element_size=4
+                program, [content], self._indices, index_element_size=4
             )
         return self._arrays[program.glo]
-
-    def _format(self, used: set[str]) -> str:
-        """moderngl's format of the vertices, with padding for attributes that the program does not read."""
-        dtype = self.packed.vertices.dtype
-        parts = {name: dtype[name] for name in dtype.names or ()}
-        kinds = {name: f"{part.shape[0]}f{part.base.itemsize}" for name, part in parts.items()} | THREE_OF_FOUR
-        return " ".join(kinds[name] if name in used else f"{part.itemsize}x" for name, part in parts.items())
-
-
-def depth_of(target: Any) -> NDArray[np.float32]:
-    """The depth buffer of a framebuffer, (rows, columns), 0..1, as OpenGL stores it."""
-    width, height = target.size
-    raw = target.read(components=1, attachment=-1, dtype="f4", alignment=1)
-    return np.frombuffer(raw, dtype=np.float32).reshape(height, width)
-
-
-def release(target: Any) -> None:
-    """Releases a framebuffer and its pixels."""
-    for buffer in (*target.color_attachments, target.depth_attachment):
-        if buffer is not None:
-            buffer.release()
-    target.release()
-
-
-def _context(moderngl: Any) -> Any:
-    try:
-        return moderngl.create_context(standalone=True, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1")
-    except Exception as error:
-        raise SimulationError(
-            f"no OpenGL without a screen ({error}): apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
-        ) from None
 
 
 @dataclass(frozen=True, slots=True)

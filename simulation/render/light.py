@@ -8,17 +8,16 @@ that three bounces cost as one. Both groups of light travel together, as six cha
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from edgemap.simulation.render.light_points import Points, Reflector, SolidPoints, SurfacePoints, probe_grid
-from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.render.mesh import triangles_of
 from edgemap.simulation.render.raytracer import Raytracer, cosine_directions, in_pieces, r2_sequence
-from edgemap.simulation.render.scene import ROOM_ID, AreaLight, LitScene, LitSurface, Probes, Scene
-
-Light = NDArray[np.float32]
+from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Light, LitScene, LitSurface, Probes, Scene
 
 # Light fainter than this is not worth a ray: a hundredth of a dim room.
 _FAINT = 0.003
@@ -59,9 +58,12 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
     surfaces = [SurfacePoints(surface, settings.texel_m, settings.gather_m, rng) for surface in scene.surfaces]
     solids = SolidPoints(scene.solids, settings.vertex_spacing_m, settings.cluster_m)
     corner, step, shape, air = probe_grid(scene)
-    reflecting = [*(surface.reflector() for surface in surfaces), solids.reflector()]
+    # Light points are numbered in one row: the surfaces' coarse ones, the air's, those of the solids.
+    starts = np.cumsum([0, *(len(surface.coarse) for surface in surfaces), len(air)]).tolist()
+    reflecting = [surface.reflector(first) for surface, first in zip(surfaces, starts[:-2], strict=True)]
+    reflecting.append(solids.reflector(starts[-1]))
     tracer = Raytracer(np.concatenate([part.triangles for part in reflecting]))
-    trim = Raytracer(np.concatenate([solid.mesh.triangles() for solid in scene.solids if solid.id == ROOM_ID]))
+    trim = Raytracer(triangles_of(scene.solids[ROOM_ID]))
     # All in one go: most surfaces are too small to be shared out to the processors by themselves.
     everywhere = Points.joined([*(surface.fine for surface in surfaces), air, solids.points])
     ends = np.cumsum([len(surface.fine) for surface in surfaces], dtype=np.int64)
@@ -77,64 +79,59 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
         _first_hits(tracer, gathering[:outside], settings.hemisphere_samples),
         _first_hits(tracer, gathering[outside:], settings.behind_samples),
     )
-    corners, reflectance = _joined_reflectors(reflecting, [*(len(surface.coarse) for surface in surfaces), len(air)])
-    bounced = _bounced(sources, corners, reflectance, direct, settings.bounces)
-    behind = _met_from_behind(sources[0], len(corners), sum(len(part.triangles) for part in reflecting[:-1]))
-    lit_surfaces, at = [], 0
-    for surface, light in zip(surfaces, direct_maps, strict=True):
-        some = slice(at, at + len(surface.coarse))
-        lit_surfaces.append(_lit_surface(surface, light, bounced[some], behind[some] < 0.5))
-        at = some.stop
+    bounced = _bounced(sources, reflecting, direct, settings.bounces)
+    # The share of a point's rays that meet a wall, floor or ceiling from behind is 1 inside of walls.
+    count, of_surfaces = len(tracer.triangles), len(tracer.triangles) - len(reflecting[-1].triangles)
+    open_ = ((sources[0] >= count) & (sources[0] < count + of_surfaces)).mean(axis=1) < 0.5
+    lit_surfaces = [
+        LitSurface(surface.surface, surface.light_map(light, bounced[first:end], open_[first:end]))
+        for surface, light, (first, end) in zip(surfaces, direct_maps, pairwise(starts[:-1]), strict=True)
+    ]
     total = direct + bounced
-    cubes = total[at : at + len(air)].reshape(*shape, 6, 6)
-    parts = solids.lit(total[at + len(air) :])
-    probes = Probes(corner, step, cubes[..., :3].copy(), cubes[..., 3:].copy())
-    return LitScene(tuple(lit_surfaces), tuple(parts), scene.lights, probes)
+    cubes = total[starts[-2] : starts[-1]].reshape(*shape, 6, 6)
+    parts = solids.lit(total[starts[-1] :])
+    return LitScene(tuple(lit_surfaces), tuple(parts), scene.lights, Probes(corner, step, cubes))
 
 
 def _direct(tracer: Raytracer, points: Points, scene: Scene, samples: int) -> Light:
     """Irradiance / pi (N, 6) straight from the lights."""
 
     def piece(some: slice) -> Light:
-        light = np.zeros((len(points.positions[some]), 6), dtype=np.float32)
+        here = points[some]
+        light = np.zeros((len(here), 6), dtype=np.float32)
         for lamp in scene.lights:
             first = 3 if lamp.group == "day" else 0
-            strength = _from_one(
-                tracer, points.positions[some], points.normals[some], points.shifts[some], lamp, samples
-            )
-            light[:, first : first + 3] += strength[:, None] * lamp.radiance.astype(np.float32)
+            share = _from_one(tracer, here, lamp, samples)
+            light[:, first : first + 3] += share[:, None] * lamp.radiance.astype(np.float32)
         return light
 
     return in_pieces(piece, len(points))
 
 
-def _from_one(
-    tracer: Raytracer, positions: Light, normals: Light, shifts: Light, lamp: AreaLight, samples: int
-) -> Light:
+def _from_one(tracer: Raytracer, points: Points, lamp: AreaLight, samples: int) -> Light:
     """What share (N,) of a light's radiance arrives, divided by pi."""
     area, reach = float(np.linalg.norm(np.cross(lamp.u, lamp.v))), float(np.linalg.norm(lamp.u + lamp.v)) / 2.0
     corner, u, v, shine = (np.asarray(a, dtype=np.float32) for a in (lamp.corner, lamp.u, lamp.v, lamp.normal))
-    share = np.zeros(len(positions), dtype=np.float32)
-    way = lamp.centre.astype(np.float32) - positions
+    share = np.zeros(len(points), dtype=np.float32)
+    way = lamp.centre.astype(np.float32) - points.positions
     bright = area * float(np.max(lamp.radiance)) / (np.pi * np.maximum(_dot(way, way), 0.01)) > _FAINT
-    todo = np.flatnonzero(bright & (_dot(way, normals) > -reach) & (way @ shine < reach))
-    positions, normals, shifts = positions[todo], normals[todo], shifts[todo]
+    todo = np.flatnonzero(bright & (_dot(way, points.normals) > -reach) & (way @ shine < reach))
+    points = points[todo]
     arrived, seen = np.zeros(len(todo), dtype=np.float32), np.zeros(len(todo), dtype=bool)
     for number, sample in enumerate(r2_sequence(samples).astype(np.float32)):
         if number == _TRIES:
             share[todo] = arrived
-            todo, arrived = todo[seen], arrived[seen]
-            positions, normals, shifts = positions[seen], normals[seen], shifts[seen]
+            todo, arrived, points = todo[seen], arrived[seen], points[seen]
         if not len(todo):
             break
-        at = (sample + shifts) % 1.0
+        at = (sample + points.shifts) % 1.0
         target = corner + at[:, :1] * u + at[:, 1:] * v
-        way = target - positions
+        way = target - points.positions
         distance2 = np.maximum(_dot(way, way), 0.05**2)
-        cosines = np.maximum(_dot(way, normals), 0.0) * np.maximum(-(way @ shine), 0.0)
+        cosines = np.maximum(_dot(way, points.normals), 0.0) * np.maximum(-(way @ shine), 0.0)
         factor = cosines * (area / np.pi / samples) / (distance2 * distance2)
         lit = np.flatnonzero(factor > 0.0)
-        open_ = lit[tracer.visible(positions[lit], normals[lit], target[lit])]
+        open_ = lit[tracer.visible(points.positions[lit], points.normals[lit], target[lit])]
         arrived[open_] += factor[open_]
         if number < _TRIES:
             seen[open_] = True
@@ -149,39 +146,24 @@ def _first_hits(tracer: Raytracer, points: Points, samples: int) -> NDArray[np.i
     pattern = r2_sequence(samples).astype(np.float32)
 
     def piece(some: slice) -> NDArray[np.int32]:
-        positions, normals, shifts = points.positions[some], points.normals[some], points.shifts[some]
-        sources = np.empty((len(positions), samples), dtype=np.int32)
+        here = points[some]
+        sources = np.empty((len(here), samples), dtype=np.int32)
         for i, sample in enumerate(pattern):
-            hit, front = tracer.first_hits(positions, normals, cosine_directions(normals, (sample + shifts) % 1.0))
+            directions = cosine_directions(here.normals, (sample + here.shifts) % 1.0)
+            hit, front = tracer.first_hits(here.positions, here.normals, directions)
             sources[:, i] = np.where(hit < 0, 2 * count, np.where(front, hit, hit + count))
         return sources
 
     return in_pieces(piece, len(points))
 
 
-def _joined_reflectors(reflecting: list[Reflector], before: list[int]) -> tuple[NDArray[np.int64], Light]:
-    """Light points (2 T, 3) at the corners of each triangle's front, then back, and what share (2 T, 3) they send.
-
-    before: how many light points each surface has, and then the air: the solids' own are the last ones.
-    """
-    starts = np.cumsum([0, *before])
-    shifts = [*starts[:-2], starts[-1]]
-    front = np.concatenate([part.front + shift for part, shift in zip(reflecting, shifts, strict=True)])
-    back = np.concatenate([part.back + shift for part, shift in zip(reflecting, shifts, strict=True)])
-    reflectance = np.concatenate([part.reflectance for part in reflecting]).astype(np.float32)
-    return np.concatenate([front, back]), np.concatenate([reflectance, reflectance])
-
-
 def _bounced(
-    sources: Sequence[NDArray[np.int32]],
-    corners: NDArray[np.int64],
-    reflectance: Light,
-    direct: Light,
-    bounces: int,
+    sources: Sequence[NDArray[np.int32]], reflecting: Sequence[Reflector], direct: Light, bounces: int
 ) -> Light:
     """Irradiance / pi (N, 6) that comes back from other surfaces. sources: of the first points, then of the others."""
-    bounced = np.zeros_like(direct)
-    both = np.tile(reflectance, 2)
+    corners = np.concatenate([part.front for part in reflecting] + [part.back for part in reflecting])
+    reflectance = np.concatenate([part.reflectance for part in reflecting]).astype(np.float32)
+    both, bounced = np.tile(reflectance, (2, 2)), np.zeros_like(direct)
     for _ in range(bounces):
         light = direct + bounced
         sent = np.zeros((len(corners) + 1, 6), dtype=np.float32)
@@ -203,18 +185,6 @@ def _gathered(sources: NDArray[np.int32], sent: Light) -> Light:
     return in_pieces(piece, len(sources))
 
 
-def _met_from_behind(sources: NDArray[np.int32], doubled: int, surface_triangles: int) -> Array:
-    """Share (N,) of a point's rays that meet a wall, floor or ceiling from behind: 1 inside of walls."""
-    count = doubled // 2
-    return ((sources >= count) & (sources < count + surface_triangles)).mean(axis=1)
-
-
 def _dot(a: Light, b: Light) -> Light:
     """Products (N,) of vectors (N, 3)."""
     return np.einsum("ij,ij->i", a, b)
-
-
-def _lit_surface(surface: SurfacePoints, direct: Light, bounced: Light, open_: NDArray[np.bool_]) -> LitSurface:
-    """Light maps of a surface; noise is blurred away, of bounced light more than of the sharper direct light."""
-    light = surface.smooth_fine(direct, open_) + surface.smooth_coarse(bounced, open_)
-    return LitSurface(surface.surface, np.ascontiguousarray(light[..., :3]), np.ascontiguousarray(light[..., 3:]))

@@ -2,17 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from edgemap.simulation.render.mesh import Array, Part, subdivided, welded
+from edgemap.simulation.render.mesh import Array, Mesh, Part, subdivided, triangles_of, welded
 from edgemap.simulation.render.raytracer import Raytracer
-from edgemap.simulation.render.scene import LitPart, Scene, Solid, Surface
-
-Light = NDArray[np.float32]
+from edgemap.simulation.render.scene import Light, LitPart, Scene, Surface
 
 _REFLECTOR_M, _PROBE_STEP_M, _PROBE_HEIGHT_M, _PROBE_LEVELS = 0.25, 0.6, 0.15, 4
 _MOST_TEXELS = 1000  # of a light map's side; the atlas holds no more
@@ -31,7 +30,7 @@ class Points:
     def __len__(self) -> int:
         return len(self.positions)
 
-    def __getitem__(self, some: slice) -> "Points":
+    def __getitem__(self, some: slice | NDArray[Any]) -> "Points":
         return Points(self.positions[some], self.normals[some], self.shifts[some])
 
     @classmethod
@@ -42,8 +41,8 @@ class Points:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reflector:
-    """Triangles (T, 3, 3) that send light on: light points (T, 3) at the corners of their front (which way they are
-    wound) and back, and their linear reflectance (T, 3)."""
+    """Triangles (T, 3, 3) that send light on: numbers (T, 3) of the light points at the corners of their front (which
+    way they are wound) and back, and their linear reflectance (T, 3)."""
 
     triangles: Array
     front: NDArray[np.int64]
@@ -65,48 +64,36 @@ class SurfacePoints:
 
     def hide(self, trim: Raytracer, reach_m: float) -> None:
         """Leave out the texels that trim (skirting, frames) covers, for their darkness would show beside it."""
-        ends = self.fine.positions + self.fine.normals * np.float32(reach_m)
-        self._open = trim.visible(self.fine.positions, self.fine.normals, ends).reshape(self.shape)
-        ends = self.coarse.positions + self.coarse.normals * np.float32(reach_m)
-        shown = trim.visible(self.coarse.positions, self.coarse.normals, ends)
-        self._coarse_open = shown.reshape(self.coarse_shape)
+        self._open, self._coarse_open = (
+            trim.visible(p.positions, p.normals, p.positions + p.normals * np.float32(reach_m)).reshape(shape)
+            for p, shape in ((self.fine, self.shape), (self.coarse, self.coarse_shape))
+        )
 
     def coarsened(self, light: Light) -> Light:
         """Light at coarse texels (M, 6) from that at fine ones (N, 6)."""
-        size = self.coarse_shape[::-1]
-        halves = [
-            cv2.resize(np.ascontiguousarray(half.reshape(*self.shape, 3)), size, interpolation=cv2.INTER_AREA)
-            for half in (light[:, :3], light[:, 3:])
-        ]
-        return np.asarray(np.concatenate(halves, axis=2).reshape(-1, 6), dtype=np.float32)
+        return _resized(light.reshape(*self.shape, 6), self.coarse_shape, cv2.INTER_AREA).reshape(-1, 6)
 
-    def smooth_fine(self, light: Light, open_coarse: NDArray[np.bool_]) -> Light:
-        """The map (rows, columns, 6) of fine values (N, 6), less noisy; covered texels take over their neighbours'."""
-        coarse = open_coarse.reshape(self.coarse_shape).astype(np.uint8)
-        inside = cv2.resize(coarse, self.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
-        return _smooth(light.reshape(*self.shape, 6), self._open & inside)
+    def light_map(self, direct: Light, bounced: Light, open_coarse: NDArray[np.bool_]) -> Light:
+        """The map (rows, columns, 6) of direct light at fine texels (N, 6) and bounced light at coarse ones (M, 6).
 
-    def smooth_coarse(self, light: Light, open_coarse: NDArray[np.bool_]) -> Light:
-        """The map (rows, columns, 6) of coarse values (M, 6)."""
-        open_ = self._coarse_open & open_coarse.reshape(self.coarse_shape)
-        smooth = _smooth(light.reshape(*self.coarse_shape, 6), open_)
-        size = self.shape[::-1]
-        halves = [
-            cv2.resize(np.ascontiguousarray(half), size, interpolation=cv2.INTER_LINEAR)
-            for half in (smooth[..., :3], smooth[..., 3:])
-        ]
-        return np.asarray(np.concatenate(halves, axis=2), dtype=np.float32)
+        Noise is blurred away, of bounced light more than of the sharper direct light; covered texels take over their
+        neighbours'. open_coarse: (M,), those that are not inside of walls.
+        """
+        coarse = open_coarse.reshape(self.coarse_shape)
+        inside = cv2.resize(coarse.astype(np.uint8), self.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+        smooth = _smooth(bounced.reshape(*self.coarse_shape, 6), self._coarse_open & coarse)
+        fine = _smooth(direct.reshape(*self.shape, 6), self._open & inside)
+        return fine + _resized(smooth, self.shape, cv2.INTER_LINEAR)
 
-    def reflector(self) -> Reflector:
-        """Triangles of the surface, lit by its coarse texels."""
+    def reflector(self, first: int) -> Reflector:
+        """Triangles of the surface, lit by its coarse texels. first: number of its first light point."""
         surface, (rows, columns) = self.surface, self.coarse_shape
         part = subdivided(surface.part(), _REFLECTOR_M)
         offset = part.positions - surface.corner
         column = np.clip(offset @ surface.u / (surface.u @ surface.u) * columns, 0, columns - 1).astype(np.int64)
         row = np.clip(offset @ surface.v / (surface.v @ surface.v) * rows, 0, rows - 1).astype(np.int64)
-        texel, material = row * columns + column, surface.material
-        reflectance = np.broadcast_to(material.mean_reflectance() * material.opacity, (len(texel), 3))
-        return Reflector(part.positions, texel, texel, reflectance)
+        texel = first + row * columns + column
+        return Reflector(part.positions, texel, texel, _reflectance(part))
 
     def _texels(self, shape: tuple[int, int], rng: np.random.Generator) -> Points:
         rows, columns = shape
@@ -121,12 +108,14 @@ class SolidPoints:
     """Light points of solids: one corner for all corners of a solid near it that face the same way; both its sides.
     points: all fronts, then all backs."""
 
-    def __init__(self, solids: Sequence[Solid], spacing_m: float, cluster_m: float) -> None:
-        self._parts = [(solid.id, _fine(part, spacing_m)) for solid in solids for part in solid.mesh.parts]
+    def __init__(self, solids: dict[int, Mesh], spacing_m: float, cluster_m: float) -> None:
+        self._parts = [(id_, subdivided(part, spacing_m)) for id_, mesh in solids.items() for part in mesh]
         self._cluster_m = cluster_m
+        positions, normals = (
+            np.concatenate([getattr(part, name).reshape(-1, 3) for _, part in self._parts]).astype(np.float32)
+            for name in ("positions", "normals")
+        )
         counts = [3 * len(part.positions) for _, part in self._parts]
-        positions = _flat([part.positions for _, part in self._parts])
-        normals = _flat([part.normals for _, part in self._parts])
         ids = np.repeat(np.array([id_ for id_, _ in self._parts], dtype=np.int16), counts)
         corners = np.concatenate([_bytes(np.round(positions * 1e3), "i4"), _bytes(np.round(normals * 8.0), "i1")], 1)
         keep, corner = welded(corners)
@@ -149,20 +138,16 @@ class SolidPoints:
         none = np.zeros((2 * self._count, 2), dtype=np.float32)
         self.points = Points(np.concatenate([at, at]), np.concatenate([normals, -normals]), none)
 
-    def reflector(self) -> Reflector:
-        """Triangles of the solids. The front is where the shading normals point, independent of the winding."""
-        triangles = np.concatenate([part.positions for _, part in self._parts])
+    def reflector(self, first: int) -> Reflector:
+        """Triangles of the solids. The front is where the shading normals point, independent of the winding. first:
+        number of their first light point."""
+        triangles = triangles_of([part for _, part in self._parts])
         normals = np.concatenate([part.normals.mean(axis=1) for _, part in self._parts])
         wound = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         agrees = ((wound * normals).sum(axis=1) >= 0.0)[:, None]
-        front = self._cluster[self._corner].reshape(-1, 3)
+        front = first + self._cluster[self._corner].reshape(-1, 3)
         back = front + self._count
-        reflectance = np.concatenate(
-            [
-                np.broadcast_to(part.material.mean_reflectance() * part.material.opacity, (len(part.positions), 3))
-                for _, part in self._parts
-            ]
-        )
+        reflectance = np.concatenate([_reflectance(part) for _, part in self._parts])
         return Reflector(triangles, np.where(agrees, front, back), np.where(agrees, back, front), reflectance)
 
     def lit(self, light: Light) -> list[LitPart]:
@@ -180,8 +165,7 @@ class SolidPoints:
         done, at = [], 0
         for id_, part in self._parts:
             some = slice(at, at + 3 * len(part.positions))
-            front, back = (side[some].reshape(-1, 3, 6) for side in sides)
-            done.append(LitPart(id_, part, front[..., :3], back[..., :3], front[..., 3:], back[..., 3:]))
+            done.append(LitPart(id_, part, *(side[some].reshape(-1, 3, 6) for side in sides)))
             at = some.stop
         return done
 
@@ -200,13 +184,8 @@ def probe_grid(scene: Scene) -> tuple[Array, Array, tuple[int, int, int], Points
     return corner, step, shape, Points(positions.astype(np.float32), normals.astype(np.float32), none)
 
 
-def _fine(part: Part, longest_m: float) -> Part:
-    edges = part.positions[:, [1, 2, 0]] - part.positions
-    return subdivided(part, longest_m) if (edges * edges).sum(axis=2).max(initial=0.0) > longest_m**2 else part
-
-
-def _flat(arrays: Sequence[Array]) -> Light:
-    return np.concatenate([array.reshape(-1, 3) for array in arrays]).astype(np.float32)
+def _reflectance(part: Part) -> Array:
+    return np.broadcast_to(part.material.mean_reflectance() * part.material.opacity, (len(part.positions), 3))
 
 
 def _ranked(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -220,6 +199,13 @@ def _ranked(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int6
 def _bytes(values: np.ndarray, kind: str) -> NDArray[np.uint8]:
     values = np.ascontiguousarray(values.astype(kind))
     return values.view(np.uint8).reshape(len(values), values.shape[1] * values.itemsize)
+
+
+def _resized(light: Light, shape: tuple[int, int], interpolation: int) -> Light:
+    """Light (rows, columns, 6) at as many rows and columns as `shape`; OpenCV takes up to four channels."""
+    halves = [np.ascontiguousarray(half) for half in np.split(light, 2, axis=2)]
+    halves = [cv2.resize(half, shape[::-1], interpolation=interpolation) for half in halves]
+    return np.asarray(np.concatenate(halves, axis=2), dtype=np.float32)
 
 
 def _smooth(light: Light, open_: NDArray[np.bool_]) -> Light:

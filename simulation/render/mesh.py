@@ -1,14 +1,17 @@
 """Triangles with materials: what furniture and walls are made of before light and pixels."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from edgemap.geometry.se2 import SE2
+
 Array = NDArray[np.float64]
 Tile = tuple[float, float]
+Colour = tuple[float, ...]  # three channels
 LightGroup = Literal["day", "lamp"]
 
 
@@ -20,11 +23,11 @@ class Material:
     window pane with the day).
     """
 
-    colour: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    colour: Colour = (0.8, 0.8, 0.8)
     texture: NDArray[np.uint8] | None = None
     opacity: float = 1.0
     gloss: float = 0.0
-    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emission: Colour = (0.0, 0.0, 0.0)
     group: LightGroup = "lamp"
 
     @property
@@ -62,21 +65,19 @@ class Part:
         return replace(self, positions=self.positions @ rotation.T + translation_m, normals=self.normals @ rotation.T)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
-    """Parts in one frame, z up, metres."""
+Mesh = list[Part]  # in one frame, z up, metres
 
-    parts: tuple[Part, ...] = field(default_factory=tuple)
 
-    def placed(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> "Mesh":
-        """The mesh turned about z and moved."""
-        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-        rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return Mesh(tuple(part.moved(rotation, np.array([x_m, y_m, z_m])) for part in self.parts))
+def placed(mesh: Mesh, pose: SE2, z_m: float) -> Mesh:
+    """The mesh turned about z and moved."""
+    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return [part.moved(rotation, np.array([pose.x_m, pose.y_m, z_m])) for part in mesh]
 
-    def triangles(self) -> Array:
-        """All triangles, (T, 3, 3) in metres."""
-        return np.concatenate([part.positions for part in self.parts])
+
+def triangles_of(mesh: Mesh) -> Array:
+    """All triangles, (T, 3, 3) in metres."""
+    return np.concatenate([part.positions for part in mesh])
 
 
 def srgb_to_linear(values: ArrayLike) -> Array:
@@ -116,11 +117,14 @@ def box(low: ArrayLike, high: ArrayLike, material: Material) -> Mesh:
     low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     x, y, z = np.diag(high - low)
     faces = [(low, y, x), (low + z, x, y), (low, x, z), (low + y, z, x), (low, z, y), (low + x, y, z)]
-    return Mesh(tuple(quad(corner, u, v, material) for corner, u, v in faces))
+    return [quad(corner, u, v, material) for corner, u, v in faces]
 
 
 def subdivided(part: Part, longest_m: float) -> Part:
     """The same surface with every edge shorter than `longest_m`, so that light kept at corners can vary across it."""
+    edges = part.positions[:, [1, 2, 0]] - part.positions
+    if np.linalg.norm(edges, axis=2).max(initial=0.0) <= longest_m:
+        return part
     rows = np.concatenate([part.positions, part.normals, part.uv], axis=2)
     done = []
     while len(rows):
@@ -128,8 +132,6 @@ def subdivided(part: Part, longest_m: float) -> Part:
         long = edges.max(axis=1) > longest_m
         done.append(rows[~long])
         rows, edges = rows[long], edges[long]
-        if not len(rows):
-            break
         at, first = np.arange(len(rows)), edges.argmax(axis=1)
         a, b, c = rows[at, first], rows[at, (first + 1) % 3], rows[at, (first + 2) % 3]
         middle = (a + b) / 2.0

@@ -30,12 +30,8 @@ def read_obj(
     scale = np.array(size_m) / np.maximum(high - low, 1e-9)
     vertices = (vertices - (low + high) / 2.0) * scale + [0.0, size_m[1] / 2.0, 0.0]
     normals = normals / scale
-    parts = []
-    for name, face in faces.items():
-        part = _part(vertices, coordinates, normals, face, materials.get(name, Material()))
-        if part is not None:
-            parts.append(part)
-    return Mesh(tuple(parts))
+    parts = (_part(vertices, coordinates, normals, face, materials.get(name)) for name, face in faces.items())
+    return [part for part in parts if part is not None]
 
 
 def _parse(
@@ -77,7 +73,9 @@ def _corner(word: str) -> tuple[int, ...]:
     return (*numbers, -1, -1)[:3]
 
 
-def _part(vertices: Array, coordinates: Array, normals: Array, face: np.ndarray, material: Material) -> Part | None:
+def _part(
+    vertices: Array, coordinates: Array, normals: Array, face: np.ndarray, material: Material | None
+) -> Part | None:
     """Triangles of one material, those without area left out; where the file has no normals, made from the faces."""
     corners = vertices[face[..., 0]]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -92,7 +90,7 @@ def _part(vertices: Array, coordinates: Array, normals: Array, face: np.ndarray,
         length = np.linalg.norm(given, axis=2, keepdims=True)
         shading = np.where(length > 1e-9, given / np.maximum(length, 1e-9), shading)
     uv = coordinates[face[..., 1]] if (face[..., 1] >= 0).all() else np.zeros((*face.shape[:2], 2))
-    return Part(material, corners[..., _REP103], shading[..., _REP103], uv)
+    return Part(material or Material(), corners[..., _REP103], shading[..., _REP103], uv)
 
 
 def _smoothed(corners: np.ndarray, flat: Array) -> Array:
@@ -124,8 +122,8 @@ def _read_mtl(archive: zipfile.ZipFile, path: str) -> dict[str, Material]:
 
 def _material(archive: zipfile.ZipFile, folder: str, entry: dict[str, list[str]]) -> Material:
     texture = _texture(archive, posixpath.join(folder, entry["map_Kd"][-1])) if entry.get("map_Kd") else None
-    red, green, blue = srgb_to_linear([float(word) for word in entry.get("Kd", ["0.8"] * 3)[:3]])
-    colour = (1.0, 1.0, 1.0) if texture is not None else (float(red), float(green), float(blue))
+    plain = srgb_to_linear([float(word) for word in entry.get("Kd", ["0.8"] * 3)[:3]])
+    colour = tuple(plain.tolist()) if texture is None else (1.0, 1.0, 1.0)
     opacity = float(entry["d"][-1]) if "d" in entry else 1.0
     highlight = float(np.mean([float(word) for word in entry.get("Ks", ["0"])[:3]]))
     return Material(colour, texture, opacity, gloss=min(highlight, 1.0) * 0.5)
@@ -154,8 +152,8 @@ def simplified(mesh: Mesh, most: int) -> Mesh:
     texture coordinates. A triangle is dropped if its area becomes zero or if it coincides with another one.
     """
     cell, result = _FINEST_M, mesh
-    while sum(len(part.positions) for part in result.parts) > most and cell < _COARSEST_M:
-        result = Mesh(tuple(_clustered(part, cell) for part in mesh.parts))
+    while sum(len(part.positions) for part in result) > most and cell < _COARSEST_M:
+        result = [_clustered(part, cell) for part in mesh]
         cell *= _GROWTH
     return result
 

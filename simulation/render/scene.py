@@ -9,26 +9,32 @@ from numpy.typing import NDArray
 from edgemap.simulation.render.mesh import Array, LightGroup, Material, Mesh, Part, Tile, quad
 
 ROOM_ID = 0
+# Irradiance / pi (..., 6): three channels of the lamps, then three of the day, which are apart as light adds up.
+Light = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Surface:
-    """A large rectangle of the room (floor, wall, ceiling, rug), lit by a light map.
-
-    corner, u, v: (3,) metres; it faces u x v. The texture repeats every `tile_m` along each.
-    """
+class Panel:
+    """A flat rectangle. corner, u, v: (3,) metres; it faces u x v."""
 
     corner: Array
     u: Array
     v: Array
-    material: Material
-    tile_m: Tile = (1.0, 1.0)
 
     @property
     def normal(self) -> Array:
         """Unit normal (3,)."""
         normal = np.cross(self.u, self.v)
         return normal / np.linalg.norm(normal)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface(Panel):
+    """A large rectangle of the room (floor, wall, ceiling, rug), lit by a light map. The texture repeats every `tile_m`
+    along u and v."""
+
+    material: Material
+    tile_m: Tile = (1.0, 1.0)
 
     def part(self) -> Part:
         """The surface's two triangles."""
@@ -41,31 +47,11 @@ class Surface:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solid:
-    """A mesh in place, lit at its vertices. id: what the id picture shows; ROOM_ID for parts of the room itself."""
+class AreaLight(Panel):
+    """A glowing rectangle. radiance: linear (3,). group: what it is switched with, the day outside or the lamps."""
 
-    id: int
-    mesh: Mesh
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AreaLight:
-    """A glowing rectangle: corner, u, v (3,) metres, shining along u x v; radiance: linear (3,).
-
-    group: what it is switched with, the day outside or the lamps.
-    """
-
-    corner: Array
-    u: Array
-    v: Array
     radiance: Array
     group: LightGroup = "lamp"
-
-    @property
-    def normal(self) -> Array:
-        """Unit direction it shines in, (3,)."""
-        normal = np.cross(self.u, self.v)
-        return normal / np.linalg.norm(normal)
 
     @property
     def centre(self) -> Array:
@@ -83,50 +69,44 @@ class LightMix:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """All visible geometry and its lights."""
+    """All visible geometry and its lights. solids: meshes in place, lit at their vertices, by what the id picture
+    shows of them; ROOM_ID for parts of the room itself."""
 
     surfaces: tuple[Surface, ...]
-    solids: tuple[Solid, ...]
+    solids: dict[int, Mesh]
     lights: tuple[AreaLight, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LitPart:
-    """A part of a solid with light kept at its corners: irradiance / pi (T, 3, 3) on the front (where the normals
-    point) and on the back. front, back: of the lamps; day_front, day_back: of the day."""
+    """A part of a solid with light kept at its corners, (T, 3, 6) on the front (where the normals point) and back."""
 
     id: int
     part: Part
-    front: NDArray[np.float32]
-    back: NDArray[np.float32]
-    day_front: NDArray[np.float32]
-    day_back: NDArray[np.float32]
+    front: Light
+    back: Light
 
 
 class LitSurface(NamedTuple):
-    """A surface with its light maps (rows, columns, 3) float32 irradiance / pi, row 0 at v = 0: lamps, then day."""
+    """A surface with its light map (rows, columns, 6), row 0 at v = 0."""
 
     surface: Surface
-    lamp: NDArray[np.float32]
-    day: NDArray[np.float32]
+    light: Light
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probes:
-    """Light in mid-air, for what moves. irradiance / pi through the six faces of a small cube.
-
-    lamp, day: (X, Y, Z, 6, 3), faces +x -x +y -y +z -z; the first probe is at `corner_m`, the next `step_m` (3,) on.
-    """
+    """Light in mid-air, for what moves: (X, Y, Z, 6, 6) through the faces +x -x +y -y +z -z of small cubes. The first
+    one is at `corner_m`, the next `step_m` (3,) on."""
 
     corner_m: Array
     step_m: Array
-    lamp: NDArray[np.float32]
-    day: NDArray[np.float32]
+    light: Light
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LitScene:
-    """A scene with its baked light, apart for lamps and day, as light adds up."""
+    """A scene with its baked light."""
 
     surfaces: tuple[LitSurface, ...]
     parts: tuple[LitPart, ...]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from edgemap.simulation.render.batches import Batch, pack_parts, pack_surfaces
 from edgemap.simulation.render.canvas import Meshes, RenderTarget
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.render.scene import ROOM_ID, LightMix, LitScene, LitSurface
+from edgemap.simulation.render.scene import LightMix, LitScene, LitSurface
 from edgemap.simulation.render.view import NEAR_M
 
 _WIDTH = 1024  # of the atlas
@@ -28,22 +28,16 @@ class Still:
             walls = Meshes(canvas, pack_surfaces(scene.surfaces, self._atlas.places))
             self._all += [(walls, batch) for batch in walls.packed.batches]
         self._corners = np.array([batch.corners for _, batch in self._all]).reshape(-1, 8, 3)
-        self._batches_of: dict[int, list[Batch]] = {}
-        for batch in self.parts.packed.batches:
-            self._batches_of.setdefault(batch.id, []).append(batch)
 
     def batches_of(self, id_: int) -> list[Batch]:
         """The batches, in `parts`, that one object is made of."""
-        return self._batches_of.get(id_, [])
+        return [batch for batch in self.parts.packed.batches if batch.id == id_]
 
-    def points(self) -> dict[int, Array]:
-        """Corners (N, 3) of every object, metres in the home."""
-        points: dict[int, list[Array]] = {}
+    def points_home_m(self, id_: int) -> Array:
+        """Corners (N, 3) of one object, metres in the home."""
         packed = self.parts.packed
-        for batch in packed.batches:
-            used = np.unique(packed.indices[batch.first : batch.first + batch.count])
-            points.setdefault(batch.id, []).append(packed.vertices["position"][used].astype(np.float64))
-        return {id_: np.concatenate(some) for id_, some in points.items() if id_ != ROOM_ID}
+        used = [np.unique(packed.indices[b.first : b.first + b.count]) for b in self.batches_of(id_)]
+        return packed.vertices["position"][np.concatenate(used)].astype(np.float64)
 
     def in_view(self, clip: Array) -> list[tuple[Meshes, Batch]]:
         """The batches whose boxes reach into the view, near ones first."""
@@ -67,25 +61,23 @@ class Atlas:
     """Light maps side by side. places: per surface (u0, v0, u1, v1), the map's own border in the texture, 0..1."""
 
     def __init__(self, surfaces: Sequence[LitSurface]) -> None:
-        at = _shelves([lit.lamp.shape[:2] for lit in surfaces])
-        rows = max([16, *(row + lit.lamp.shape[0] + 2 for (row, _), lit in zip(at, surfaces, strict=True))])
+        at = _shelves([lit.light.shape[:2] for lit in surfaces])
+        rows = max([16, *(row + lit.light.shape[0] + 2 for (row, _), lit in zip(at, surfaces, strict=True))])
         self.size = (_WIDTH, 1 << (rows - 1).bit_length())
-        self._day, self._lamp = (np.zeros((self.size[1], _WIDTH, 3), dtype=np.float32) for _ in range(2))
+        self._sheet = np.zeros((self.size[1], _WIDTH, 6), dtype=np.float32)
         self.places: list[Array] = []
         for (row, column), lit in zip(at, surfaces, strict=True):
-            height, width = lit.lamp.shape[:2]
-            for sheet, light in ((self._day, lit.day), (self._lamp, lit.lamp)):
-                # One more texel all around, for the filter.
-                sheet[row : row + height + 2, column : column + width + 2] = np.pad(
-                    light, ((1, 1), (1, 1), (0, 0)), "edge"
-                )
+            height, width = lit.light.shape[:2]
+            # One more texel all around, for the filter.
+            bordered = np.pad(lit.light, ((1, 1), (1, 1), (0, 0)), "edge")
+            self._sheet[row : row + height + 2, column : column + width + 2] = bordered
             low = np.array([column + 1, row + 1], dtype=np.float64)
             self.places.append(np.concatenate([low, low + [width, height]]) / [*self.size, *self.size])
 
     def mixed(self, light: LightMix) -> NDArray[np.float16]:
         """The texture, (rows, columns, 4)."""
         sheet = np.ones((self.size[1], _WIDTH, 4), dtype=np.float16)
-        sheet[..., :3] = light.day * self._day + light.lamp * self._lamp
+        sheet[..., :3] = light.day * self._sheet[..., 3:] + light.lamp * self._sheet[..., :3]
         return sheet
 
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.render.mesh import Array
@@ -41,23 +41,8 @@ class View:
         return (points_home_m - self.position_home_m) @ self.rotation_home_optical
 
 
-def projection(intrinsics: Intrinsics) -> Array:
-    """OpenGL's clip matrix (4, 4) for optical points (x right, y down, z forward); pixel centres are integers.
-
-    Column u becomes 2 (u + 1/2) / width - 1, row v becomes 2 (v + 1/2) / height - 1; w is the optical depth. OpenGL's
-    lowest row is thus the picture's top row, and pixels that are read back need no flip.
-    """
-    width, height = intrinsics.width, intrinsics.height
-    matrix = np.zeros((4, 4))
-    matrix[0, [0, 2]] = 2.0 * intrinsics.fx / width, 2.0 * (intrinsics.cx + 0.5) / width - 1.0
-    matrix[1, [1, 2]] = 2.0 * intrinsics.fy / height, 2.0 * (intrinsics.cy + 0.5) / height - 1.0
-    matrix[2, 2:] = (FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M)
-    matrix[3, 2] = 1.0
-    return matrix
-
-
 def metres(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Optical depth from a depth buffer's 0..1, as `projection` fills it; FAR_M where nothing was drawn."""
+    """Optical depth from a depth buffer's 0..1, as `clip_matrix` fills it; FAR_M where nothing was drawn."""
     return np.float32(2.0 * FAR_M * NEAR_M) / (
         np.float32(FAR_M + NEAR_M) - (np.float32(2.0) * depth - np.float32(1.0)) * np.float32(FAR_M - NEAR_M)
     )
@@ -70,17 +55,26 @@ def oversampled(pinhole: Intrinsics) -> Intrinsics:
 
 
 def clip_matrix(view: View, intrinsics: Intrinsics) -> Array:
-    """(4, 4) from homogeneous points of the home to OpenGL's clip space."""
-    optical_home = np.eye(4)
+    """(4, 4) from homogeneous points of the home to OpenGL's clip space; pixel centres are integers.
+
+    Column u becomes 2 (u + 1/2) / width - 1, row v becomes 2 (v + 1/2) / height - 1; w is the optical depth. OpenGL's
+    lowest row is thus the picture's top row, and pixels that are read back need no flip.
+    """
+    width, height = intrinsics.width, intrinsics.height
+    projection, optical_home = np.zeros((4, 4)), np.eye(4)
+    projection[0, [0, 2]] = 2.0 * intrinsics.fx / width, 2.0 * (intrinsics.cx + 0.5) / width - 1.0
+    projection[1, [1, 2]] = 2.0 * intrinsics.fy / height, 2.0 * (intrinsics.cy + 0.5) / height - 1.0
+    projection[2, 2:] = (FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M)
+    projection[3, 2] = 1.0
     optical_home[:3, :3] = view.rotation_home_optical.T
     optical_home[:3, 3] = -view.rotation_home_optical.T @ view.position_home_m
-    return projection(intrinsics) @ optical_home
+    return projection @ optical_home
 
 
 # The lens is worked out on a grid this wide and interpolated: exact to about a thousandth of a pixel.
 _GRID_PX = 4
-# cv2.remap's second map, which whole numbers make superfluous.
-_NO_MAP: Any = None
+# cv2.remap's second map, which a first one of both coordinates makes superfluous.
+NO_MAP: Any = None
 
 
 class Lens:
@@ -95,8 +89,24 @@ class Lens:
         self.is_identity = intrinsics.distortion.is_identity
         self.pinhole = intrinsics
         self.area_px: NDArray[np.float32] | None = None
-        if not self.is_identity:
-            self._bend()
+        if self.is_identity:
+            return
+        columns, rows = (np.arange(0, n + _GRID_PX, _GRID_PX) for n in (intrinsics.width, intrinsics.height))
+        grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
+        ideal = intrinsics.rays(grid)[:, :2]
+        focal, centre = np.array([intrinsics.fx, intrinsics.fy]), np.array([intrinsics.cx, intrinsics.cy])
+        at = (ideal * focal + centre).reshape(len(rows), len(columns), 2)
+        dense = _dense(at, intrinsics.height, intrinsics.width)
+        low = np.floor(dense.reshape(-1, 2).min(axis=0)).astype(int) - 2
+        width, height = (np.ceil(dense.reshape(-1, 2).max(axis=0)).astype(int) + 3 - low).tolist()
+        cx, cy = (centre - low).tolist()
+        self.pinhole = Intrinsics(width, height, intrinsics.fx, intrinsics.fy, cx, cy)
+        where = dense - low
+        self._at = cv2.convertMaps(where[..., 0].astype(np.float32), where[..., 1].astype(np.float32), cv2.CV_16SC2)
+        limit = np.array([width, height]) * TIMES - 1
+        self._nearest = np.clip(np.round(where * TIMES), 0, limit).astype(np.int16)
+        (du_dv, du_du), (dv_dv, dv_du) = (np.gradient(where[..., axis]) for axis in (0, 1))
+        self.area_px = np.abs(du_du * dv_dv - du_dv * dv_du).astype(np.float32)
 
     def colour(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The bent picture of a pinhole picture."""
@@ -110,33 +120,7 @@ class Lens:
         column goes through pixel centres; for ids and depth."""
         if self.is_identity:
             return np.ascontiguousarray(values[::TIMES, ::TIMES])
-        return np.asarray(cv2.remap(values, self._nearest, _NO_MAP, cv2.INTER_NEAREST))
-
-    def _bend(self) -> None:
-        intrinsics = self.intrinsics
-        columns, rows = (np.arange(0, n + _GRID_PX, _GRID_PX) for n in (intrinsics.width, intrinsics.height))
-        grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
-        ideal = intrinsics.rays(grid)[:, :2]
-        focal, centre = np.array([intrinsics.fx, intrinsics.fy]), np.array([intrinsics.cx, intrinsics.cy])
-        at = (ideal * focal + centre).reshape(len(rows), len(columns), 2)
-        dense = _dense(at, intrinsics.height, intrinsics.width)
-        low = np.floor(dense.reshape(-1, 2).min(axis=0)).astype(int) - 2
-        high = np.ceil(dense.reshape(-1, 2).max(axis=0)).astype(int) + 3
-        width, height = (int(n) for n in high - low)
-        self.pinhole = replace(
-            intrinsics,
-            width=width,
-            height=height,
-            cx=intrinsics.cx - float(low[0]),
-            cy=intrinsics.cy - float(low[1]),
-            distortion=Distortion(),
-        )
-        where = dense - low
-        self._at = cv2.convertMaps(where[..., 0].astype(np.float32), where[..., 1].astype(np.float32), cv2.CV_16SC2)
-        limit = np.array([width, height]) * TIMES - 1
-        self._nearest = np.clip(np.round(where * TIMES), 0, limit).astype(np.int16)
-        (du_dv, du_du), (dv_dv, dv_du) = (np.gradient(where[..., axis]) for axis in (0, 1))
-        self.area_px = np.abs(du_du * dv_dv - du_dv * dv_du).astype(np.float32)
+        return np.asarray(cv2.remap(values, self._nearest, NO_MAP, cv2.INTER_NEAREST))
 
 
 def _dense(coarse: Array, height: int, width: int) -> Array:

@@ -14,7 +14,7 @@ from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot import motion
 from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Sampled
-from edgemap.simulation.robot.plan_grid import PlanGrid, VisibilityEstimate
+from edgemap.simulation.robot.plan_grid import VisibilityEstimate
 from edgemap.simulation.robot.router import Router
 
 _LEGS_TRIED = 16
@@ -42,15 +42,10 @@ class Habits:
 
 
 def drive(
-    grid: PlanGrid,
-    sight: VisibilityEstimate,
-    limits: Limits,
-    rng: np.random.Generator,
-    seconds: float,
-    habits: Habits | None = None,
+    sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, seconds: float, habits: Habits | None = None
 ) -> Sampled:
     """Explore for at least this long. Raises SimulationError where the home has no free floor, or no path leads on."""
-    explorer = _Explorer(grid, sight, limits, rng, habits or Habits())
+    explorer = _Explorer(sight, limits, rng, habits or Habits())
     moves, needed = [explorer.pose[None]], math.ceil(seconds / SAMPLE_S)
     while needed > 0:
         moves.append(explorer.next_leg())
@@ -59,11 +54,9 @@ def drive(
 
 
 class _Explorer:
-    def __init__(
-        self, grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, habits: Habits
-    ) -> None:
-        self._grid, self._sight, self._limits, self._rng, self._habits = grid, sight, limits, rng, habits
-        self._router = Router(grid, limits)
+    def __init__(self, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, habits: Habits) -> None:
+        self._grid, self._sight, self._limits, self._rng, self._habits = sight.grid, sight, limits, rng, habits
+        self._router = Router(self._grid, limits)
         self._seen_s = np.zeros(len(sight.ids))
         nodes = self._router.nodes_m[rng.integers(len(self._router.nodes_m), size=24)]
         starts = np.column_stack([nodes, rng.uniform(-math.pi, math.pi, len(nodes))]).astype(np.float64)
@@ -108,7 +101,8 @@ class _Explorer:
         rng, habits = self._rng, self._habits
         subject = None
         if len(self._sight.ids) and rng.random() > habits.to_room:
-            subject = self._draw_subject()
+            news = np.exp(-self._seen_s / _KNOWN_S) + 0.03
+            subject = int(rng.choice(len(news), p=news / news.sum()))
             goal = self._draw_spot_before(subject)
         else:
             goal = int(rng.integers(len(self._router.nodes_m)))
@@ -126,10 +120,6 @@ class _Explorer:
         if moves is None:
             return None
         return np.concatenate([*moves, *self._ending(moves[-1][-1], subject)])
-
-    def _draw_subject(self) -> int:
-        news = np.exp(-self._seen_s / _KNOWN_S) + 0.03
-        return int(self._rng.choice(len(news), p=news / news.sum()))
 
     def _draw_spot_before(self, subject: int) -> int | None:
         """A node at a good distance from a piece, most likely with a view of it."""

@@ -114,7 +114,18 @@ def imu_samples(
     moved = CubicSpline(np.arange(len(smooth)) * SAMPLE_S, smooth)
     leaned = np.zeros_like(smooth) if tilts is None else gaussian_filter1d(tilts.samples, 1.0, axis=0)
     tilted = CubicSpline(np.arange(len(leaned)) * SAMPLE_S, leaned)
-    return measured(true_s, lambda stamps_s: _lens(moved, tilted, mount, np.maximum(stamps_s, 0.0)), rng, errors)
+    optical, arm = mount.rotation_base_optical(), mount.position_base_m()
+
+    def lens(stamps_s: Array) -> tuple[Array, Array]:
+        at_s = np.maximum(stamps_s, 0.0)
+        rotations, places = np.zeros((len(at_s), 3, 3)), np.zeros((len(at_s), 3))
+        for row, ((x, y, yaw), tilt) in enumerate(zip(moved(at_s), tilted(at_s), strict=True)):
+            c, s = math.cos(yaw), math.sin(yaw)
+            turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ lean(tilt)
+            rotations[row], places[row] = turned @ optical, turned @ arm + [x, y, tilt[2]]
+        return rotations, places
+
+    return measured(true_s, lens, rng, errors)
 
 
 def measured(
@@ -125,7 +136,8 @@ def measured(
     moments = [lens(true_s + shift) for shift in (-_MOMENT_S, 0.0, _MOMENT_S)]
     (before, at_before), (turned, at), (after, at_after) = moments
     between = before.transpose(0, 2, 1) @ after
-    rates = _rotation_vectors(between) / (2.0 * _MOMENT_S)
+    turns = 0.5 * (between - between.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]  # rotation vectors of small rotations
+    rates = turns / (2.0 * _MOMENT_S)
     accelerations = (at_before - 2.0 * at + at_after) / _MOMENT_S**2
     forces = np.einsum("nij,ni->nj", turned, accelerations + [0.0, 0.0, GRAVITY_M_S2])
     late_s = rng.normal(0.0, errors.late_s)
@@ -141,19 +153,3 @@ def measured(
         drift = np.cumsum(steps[:, 3:], axis=0) * walk / math.sqrt(errors.rate_hz)
         found.append(true @ axes.T + offset + drift + steps[:, :3] * density * math.sqrt(errors.rate_hz))
     return ImuSamples(true_s + max(late_s, 0.0), *found)
-
-
-def _lens(moved: CubicSpline, tilted: CubicSpline, mount: Mount, stamps_s: Array) -> tuple[Array, Array]:
-    """Rotation (N, 3, 3) from optical to home axes, and place (N, 3) of the lens."""
-    rotations, places = np.zeros((len(stamps_s), 3, 3)), np.zeros((len(stamps_s), 3))
-    optical, arm = mount.rotation_base_optical(), mount.position_base_m()
-    for row, ((x, y, yaw), tilt) in enumerate(zip(moved(stamps_s), tilted(stamps_s), strict=True)):
-        c, s = math.cos(yaw), math.sin(yaw)
-        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ lean(tilt)
-        rotations[row], places[row] = turned @ optical, turned @ arm + [x, y, tilt[2]]
-    return rotations, places
-
-
-def _rotation_vectors(rotations: Array) -> Array:
-    """Of small rotations (N, 3, 3), as vectors (N, 3)."""
-    return 0.5 * (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]

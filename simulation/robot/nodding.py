@@ -55,10 +55,12 @@ def nodding_of(motion: Sampled, seeds: tuple[int, ...], rule: Nodding | None = N
     sprung = _sprung(pushed, rule)
     travelled = np.cumsum(np.abs(speed)) * SAMPLE_S
     profile = _profile(float(travelled[-1]) + 1.0, seeds, rule)
+    places_m = np.arange(len(profile)) * _PROFILE_M
     askew = rule.askew_m * np.sin(travelled)  # now one side first, now the other
     front, rear = travelled + rule.base_m / 2.0, travelled - rule.base_m / 2.0
     left, right = (
-        np.stack([_height(profile, at + side * askew / 2.0) for at in (front, rear)]) for side in (1.0, -1.0)
+        np.stack([np.interp(at + side * askew / 2.0, places_m, profile) for at in (front, rear)])
+        for side in (1.0, -1.0)
     )
     rolled = (left - right).mean(axis=0) / rule.track_m
     pitched = ((left + right)[1] - (left + right)[0]) / 2.0 / rule.base_m
@@ -95,7 +97,3 @@ def _profile(length_m: float, seeds: tuple[int, ...], rule: Nodding) -> Array:
             part += (high + pile)[: len(part)]
             at += long
     return gaussian_filter1d(profile, 2.0)  # a wheel is round
-
-
-def _height(profile: Array, at_m: Array) -> Array:
-    return np.interp(at_m, np.arange(len(profile)) * _PROFILE_M, profile)

@@ -10,7 +10,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.inputs.drives.drive import SEEN_SIDE_PX
 from edgemap.simulation.apartment.apartment import Apartment
-from edgemap.simulation.apartment.layout import ALIVE, Placed
+from edgemap.simulation.apartment.layout import ALIVE
 from edgemap.simulation.render.mesh import Array
 
 CELL_M = 0.04
@@ -33,14 +33,16 @@ class PlanGrid:
         self.size_m = np.array([plan.width_m, plan.depth_m])
         columns, rows = (math.ceil(side / CELL_M) for side in self.size_m)
         x, y = np.meshgrid((np.arange(columns) + 0.5) * CELL_M, (np.arange(rows) + 0.5) * CELL_M)
-        self._centres = np.stack([x, y], axis=-1)
+        centres = np.stack([x, y], axis=-1)
         self.tops_m = np.zeros((rows, columns), dtype=np.float32)
         self.owner = np.zeros((rows, columns), dtype=np.int32)
         blocked = np.zeros((rows, columns), dtype=bool)
         for item in apartment.furniture:
             if item.z_m > _OVERHEAD_M:
                 continue
-            inside, top = self._covered(item), item.z_m + item.model.height_m
+            local = np.abs(item.pose_home_object.inverse().apply(centres))
+            inside = np.asarray((local <= [item.model.depth_m / 2.0, item.model.width_m / 2.0]).all(axis=-1))
+            top = item.z_m + item.model.height_m
             higher = inside & (self.tops_m < top)
             self.tops_m[higher], self.owner[higher] = top, item.id
             if item.z_m < _PASS_M:
@@ -64,10 +66,6 @@ class PlanGrid:
         row = np.clip((points_m[..., 1] / CELL_M).astype(np.int64), 0, rows - 1)
         return row, np.clip((points_m[..., 0] / CELL_M).astype(np.int64), 0, columns - 1)
 
-    def _covered(self, item: Placed) -> NDArray[np.bool_]:
-        local = np.abs(item.pose_home_object.inverse().apply(self._centres))
-        return np.asarray((local <= [item.model.depth_m / 2.0, item.model.width_m / 2.0]).all(axis=-1))
-
 
 # Sample points of a piece in units of its half sides and its height: enough to distinguish a third from a half.
 _ACROSS, _ALONG, _UP = (-0.8, 0.0, 0.8), (-0.7, 0.7), (0.2, 0.55, 0.9)
@@ -78,15 +76,15 @@ _NEAREST_M, _FARTHEST_M = 0.4, 7.0
 class VisibilityEstimate:
     """Estimates visible shares of the labelled pieces on the floor, those alive left out.
 
-    ids: of those pieces, in the columns' order. Furniture hides as its bounding box would, so chairs and tables, which
-    one sees through, hide more here than in the picture: the estimate is a cautious one.
+    grid: of the home. ids: of those pieces, in the columns' order. Furniture hides as its bounding box would, so chairs
+    and tables, which one sees through, hide more here than in the picture: the estimate is a cautious one.
     """
 
     def __init__(self, apartment: Apartment, grid: PlanGrid, intrinsics: Intrinsics, mount: Mount) -> None:
-        self._grid, self._intrinsics, self._mount = grid, intrinsics, mount
+        self.grid, self._intrinsics, self._mount = grid, intrinsics, mount
         items = [item for item in apartment.furniture if item.label and item.on_floor and item.label not in ALIVE]
         self.ids = np.array([item.id for item in items], dtype=np.int64)
-        self.middles_m = np.array([[i.pose_home_object.x_m, i.pose_home_object.y_m] for i in items]).reshape(-1, 2)
+        self.middles_m = np.array([item.middle_home_m for item in items]).reshape(-1, 2)
         pattern = np.array([(a, b, c) for a in _ALONG for b in _ACROSS for c in _UP])
         self._points = np.empty((len(items), len(pattern), 3))
         for row, item in enumerate(items):
@@ -126,6 +124,6 @@ class VisibilityEstimate:
         targets = self._points[which[1], which[2]]
         along = (np.arange(1, _RAY_STEPS) / _RAY_STEPS)[None, :, None]
         rays = eyes[:, None] + along * (targets - eyes)[:, None]
-        row, column = self._grid.cells_of(rays[..., :2])
-        other = self._grid.owner[row, column] != self.ids[which[1]][:, None]
-        return ~((self._grid.tops_m[row, column] > rays[..., 2]) & other).any(axis=1)
+        row, column = self.grid.cells_of(rays[..., :2])
+        other = self.grid.owner[row, column] != self.ids[which[1]][:, None]
+        return ~((self.grid.tops_m[row, column] > rays[..., 2]) & other).any(axis=1)

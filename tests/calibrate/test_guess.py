@@ -33,7 +33,7 @@ def boxes_of(mount, places):
     camera, corners, kinds = FloorCamera(LENS, mount), [], []
     rotation, lens_m = mount.rotation_base_optical(), mount.position_base_m()
     for kind, x, y in places:
-        half, high = MEASURED[NAMES[kind]].width / 2.0, HEIGHT_M[NAMES[kind]][0]
+        half, high = MEASURED[NAMES[kind]][2] / 2.0, HEIGHT_M[NAMES[kind]][0]
         at = np.array([[x, y + side * half, z] for side in (-1, 1) for z in (0.0, high)]) - lens_m
         px = camera.intrinsics.project(at @ rotation)
         corners.append([px[:, 0].min(), px[:, 1].min(), px[:, 0].max(), px[:, 1].max()])

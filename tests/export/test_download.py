@@ -178,15 +178,15 @@ def test_a_finished_bundle_comes_by_url_and_a_damaged_one_does_not(cache, small,
     folder = cache / "bundles" / "small"
     load_bundle(folder)
     shutil.rmtree(folder)
-    assert store.install_url(server.url("/b/bundle.json"), progress=False) == folder
+    assert store.install_url(server.url("/b/bundle.json")) == folder
     server.files["/b/odometry.paper.onnx"] = server.files["/b/odometry.paper.onnx"][:-1] + b"x"
-    assert "odometry.paper.onnx: sha256" in refusal(store.install_url, server.url("/b"), progress=False)
+    assert "odometry.paper.onnx: sha256" in refusal(store.install_url, server.url("/b"))
     load_bundle(folder)  # the older one stays
     shutil.rmtree(folder)
-    refusal(store.install_url, server.url("/b"), progress=False)
+    refusal(store.install_url, server.url("/b"))
     assert not folder.exists()
     server.files["/b/bundle.json"] = b"{}"
-    assert "bundle.json" in refusal(store.install_url, server.url("/b"), progress=False)
+    assert "bundle.json" in refusal(store.install_url, server.url("/b"))
 
 
 def test_a_damaged_folder_or_an_evil_name_is_not_installed(cache, small):

@@ -23,7 +23,7 @@ from edgemap.export.floor.pictures import named, read_shares, targets, varied
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.decode import Detector
-from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.manifest_file import read_manifest
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.preprocess import Placement
@@ -42,7 +42,7 @@ def random_head(channels, seed=0, rows=26):
 
 
 def runs(model, picture):
-    network = open_onnxruntime(model.SerializeToString(), Compute())
+    network = open_network(model.SerializeToString(), Compute())
     (name,) = network.inputs
     return network.run({name: picture})
 

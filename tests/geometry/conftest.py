@@ -10,8 +10,7 @@ def _placed(label, x_m, y_m, frame, sigma_m=0.08, score=0.8, shared_m=0.03):
         label, score, np.array([x_m, y_m]), np.eye(2) * sigma_m**2, np.eye(2) * shared_m**2,
         0.5, 0.9, 0.5, 2.0, 0, frame, frame / 10.0,
     )  # fmt: skip
-    placed: PlacedSighting = sighting.placed(SE2(), np.zeros((3, 3)))
-    return placed
+    return PlacedSighting(sighting, SE2(), np.zeros((3, 3)))
 
 
 @pytest.fixture(scope="session")

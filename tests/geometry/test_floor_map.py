@@ -11,6 +11,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import id_order
 from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.pose_graph import GraphRule
@@ -60,7 +61,7 @@ def visited(chairs, placed, x_m, y_m, frames, by_m=4.0):
         pose = graph.trajectory.pose if len(graph.trajectory) else SE2()
         at = pose.inverse().apply([x_m, y_m])
         sighting = placed("chair", *at, frame).sighting
-        chairs.update([sighting.placed(pose, np.zeros((3, 3)))])
+        chairs.update([PlacedSighting(sighting, pose, np.zeros((3, 3)))])
 
 
 def moved(chairs, *moves):

@@ -11,7 +11,7 @@ from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.objects.visibility import ViewRule, expected_boxes, floor_in_place, in_plain_view, iou
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
-from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+from edgemap.geometry.observations.sighting import FloorRule, PlacedSighting, sightings_of
 from edgemap.geometry.se2 import SE2
 
 NOTHING = Detections.none(("chair",))
@@ -23,7 +23,7 @@ def chair_map(distance_m=2.0):
     for number in range(20):
         detections, _ = look([("chair", distance_m, 0.0)], SE2(), random, 1.0)
         found = sightings_of(detections, CAMERA, FloorRule(), number, number / 10)
-        floor_map.update([sighting.placed(SE2(), np.zeros((3, 3))) for sighting in found])
+        floor_map.update([PlacedSighting(sighting, SE2(), np.zeros((3, 3))) for sighting in found])
     return floor_map
 
 
@@ -112,7 +112,7 @@ def test_confidence_falls_look_by_look_until_the_object_leaves_and_its_id_is_not
     assert all(after < before for before, after in pairwise(confidences))
     assert np.array(confidences[1:]) / real == pytest.approx([0.8, 0.6, 0.4, 0.2])  # five looks miss what is gone
     found = sightings_of(look([("chair", 2.0, 0.0)], SE2(), np.random.default_rng(2), 1.0)[0], CAMERA, FloorRule())
-    assert floor_map.update([found[0].placed(SE2(), np.zeros((3, 3)))]) == ["chair-2"]
+    assert floor_map.update([PlacedSighting(found[0], SE2(), np.zeros((3, 3)))]) == ["chair-2"]
 
 
 def test_a_hit_restores_and_a_box_of_its_like_in_its_place_is_no_miss():

@@ -14,7 +14,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTilt, MountTiltRule
 from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.lens_height import HeightMeasurement, agreed_height, lens_heights
+from edgemap.geometry.observations.lens_height import HeightMeasurement, agreed_height, complete_boxes, lens_heights
 
 NAMES = ("chair", "person", "tv")
 CAMERA = FloorCamera(Intrinsics(640, 480, 400.0, 400.0, 319.5, 239.5), Mount(0.5, 0.1, 0.02))
@@ -48,10 +48,9 @@ def detections(*boxes, label="chair", score=0.9):
 def test_the_height_is_that_with_which_the_object_has_its_usual_height(label, column, foot, height_m):
     box = box_of(label, column, foot, height_m)
     if box is not None and foot - box[1] > 30.0:
-        (found,) = lens_heights(detections(box, label=label), CAMERA)
-        assert found.label == label
-        assert found.height_m == pytest.approx(height_m, rel=1e-6)
-        assert found.fall == pytest.approx(fall(column, foot))
+        labels, rays = complete_boxes(detections(box, label=label), CAMERA)
+        assert labels == [label]
+        assert lens_heights(labels, rays) == (pytest.approx(height_m, rel=1e-6), pytest.approx(fall(column, foot)))
 
 
 WHOLE = [300.0, 120.0, 360.0, 400.0]
@@ -72,7 +71,7 @@ WHOLE = [300.0, 120.0, 360.0, 400.0]
     ],
 )
 def test_only_complete_boxes_whose_foot_shows_count(boxes, options, count):
-    assert len(lens_heights(detections(*boxes, **options), CAMERA)) == count
+    assert len(complete_boxes(detections(*boxes, **options), CAMERA)[0]) == count
 
 
 def test_the_error_of_the_pitch_that_classes_share_does_not_average_out():

@@ -38,7 +38,7 @@ def test_the_pose_moves_a_landmark_by_its_lever(placed_, seed):
     roots = random.normal(0.0, 0.1, (2, 3, 3))
     covariances = [root @ root.T for root in roots]
     at = random.uniform(0.5, 4.0, 2)
-    one = placed_("chair", *at, 0).sighting.placed(SE2(), np.zeros((3, 3)))
+    one = placed_("chair", *at, 0)
     alone = landmark_of([(1, one)])
     graph_of(poses, covariances).place([alone])
     np.testing.assert_allclose(alone.position_m, poses[1].apply(at), atol=1e-9)

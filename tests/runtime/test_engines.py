@@ -29,7 +29,7 @@ from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import ENGINE_TOLERANCE, load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
-from edgemap.runtime.network.engines import compute_at, open_onnxruntime
+from edgemap.runtime.network.engines import compute_at, open_network
 from edgemap.runtime.network.manifest import InputSpec
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.open_bundle import subgraph
@@ -115,7 +115,7 @@ def test_threads_follow_the_pace_unless_they_are_stated(monkeypatch, pace, cores
 
 def test_threads_change_no_bit_of_the_outputs():
     path, random = NANO / "backbone.onnx", np.random.default_rng(0)
-    networks = [open_onnxruntime(path, compute, 416) for compute in (Compute(1), SLEEPING, SPINNING)]
+    networks = [open_network(path, compute, 416) for compute in (Compute(1), SLEEPING, SPINNING)]
     tensors = {key: random.uniform(0, 1, shape).astype(np.float32) for key, shape in networks[0].inputs.items()}
     expected, *others = [network.run(tensors) for network in networks]
     for found in others:
@@ -138,7 +138,7 @@ def test_a_network_that_fails_as_it_runs_is_the_bundles_failure(tmp_path):
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     path = tmp_path / "a.onnx"
     onnx.save(model, path)
-    network = open_onnxruntime(path, Compute(1))
+    network = open_network(path, Compute(1))
     with pytest.raises(BundleError, match="the network fails as it runs") as caught:
         network.run({"x": np.zeros((1, 4), np.float32), "shape": np.array([3, 3])})
     assert str(caught.value).isprintable()

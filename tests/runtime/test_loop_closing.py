@@ -24,7 +24,7 @@ from edgemap.geometry.slam import loop_closure
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 from edgemap.runtime.frames.trajectory import trajectory_of
 from edgemap.runtime.motion.odometry.protocol import Motion
-from edgemap.runtime.outputs.sinks import rewriting
+from edgemap.runtime.outputs import sightings_file
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step import pose_journal
 from edgemap.runtime.step.loop_closing import LoopCloser
@@ -290,7 +290,7 @@ def test_a_long_drive_keeps_few_poses_and_its_files_are_as_known_now(monkeypatch
     for maximum in (pose_journal.MAXIMUM, 200):
         poses: list[SE2] = []
         monkeypatch.setattr(pose_journal, "MAXIMUM", maximum)
-        monkeypatch.setattr(rewriting, "BLOCK", 4096 if maximum > 200 else 50)
+        monkeypatch.setattr(sightings_file, "BLOCK", 4096 if maximum > 200 else 50)
         mapper, folder = Mapper(closes_loops=True), RunFolder(tmp_path / str(maximum), FLOOR, {})
         for result, objects in drive(mapper, ROOM, way, drifting(way), 0):
             folder.write(result, objects)

@@ -19,6 +19,7 @@ from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import furnish, move_furniture, purpose_of
 from edgemap.simulation.apartment.shell import build_shell
 from edgemap.simulation.record import moved_record, truth_of
+from edgemap.simulation.render.mesh import triangles_of
 from edgemap.simulation.world import Choices, draw_world
 
 # The least that a detector is asked for: names of COCO.
@@ -148,7 +149,7 @@ def test_things_on_top_stand_on_their_support(home):
 
 def test_scaled_piece_fills_its_footprint(furniture_catalogue):
     item = next(i for i in furnish(42).furniture if i.label == "chair")
-    points = furniture.piece(item.model, item.tint).triangles().reshape(-1, 3)
+    points = triangles_of(furniture.piece(item.model, item.tint)).reshape(-1, 3)
     expected = [item.model.depth_m, item.model.width_m, item.model.height_m]
     assert np.ptp(points, axis=0) == pytest.approx(expected, abs=0.05)
     plain = furniture.model_of(item.model.key)
@@ -201,7 +202,7 @@ def test_every_room_has_a_lamp_and_every_window_daylight(built):
 
 def test_panes_glow_with_the_day_and_lamps_with_the_lamps(built):
     _, parts = built
-    glowing = [p.material for s in parts.solids for p in s.mesh.parts if max(p.material.emission) > 0.0]
+    glowing = [p.material for mesh in parts.solids.values() for p in mesh if max(p.material.emission) > 0.0]
     assert {material.group for material in glowing} == {"day", "lamp"}
 
 

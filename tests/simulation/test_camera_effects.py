@@ -81,7 +81,7 @@ def test_noise_has_the_sensors_variance_and_repeats():
 
 def test_exposure_follows_a_switched_lamp_with_its_lag():
     """A room that is everywhere as bright as its shares say; 0.7 s after the switch, with a lag of 0.5 s."""
-    probes = Probes(np.zeros(3), np.ones(3), *[np.full((1, 1, 1, 6, 3), 0.25, np.float32)] * 2)
+    probes = Probes(np.zeros(3), np.ones(3), np.full((1, 1, 1, 6, 6), 0.25, np.float32))
     script = LightScript(day=0.0, lamp=0.8, switches_s=(10.0,), switched=0.1)
     stands = Sampled(np.zeros((2, 3)))
     before, after, settled = gains(probes, script, stands, np.array([9.5, 10.2 + 0.5, 20.0]), 0.5)

@@ -41,7 +41,8 @@ WALLS = ((0, 0, 10, 0.1), (0, 0, 0.1, 5), (9.9, 0, 10, 5), (0, 4.9, 10, 5), (6, 
 def piece(number, label, x, y, width, depth, height, yaw, z=0.0):
     model = SimpleNamespace(width_m=width, depth_m=depth, height_m=height)
     pose = SE2(x, y, yaw)
-    return SimpleNamespace(id=number, label=label, model=model, pose_home_object=pose, z_m=z, on_floor=z < 0.02)
+    at = {"pose_home_object": pose, "middle_home_m": pose.vector()[:2], "z_m": z, "on_floor": z < 0.02}
+    return SimpleNamespace(id=number, label=label, model=model, **at)
 
 
 def home(pieces=PIECES, walls=WALLS, width_m=10.0, depth_m=5.0):
@@ -58,20 +59,17 @@ def distance_to_footprint(item, points):
 
 @pytest.fixture(scope="module")
 def place():
-    flat = home()
-    grid = PlanGrid(flat)
-    camera = CameraSetup()
-    return flat, grid, VisibilityEstimate(flat, grid, camera.intrinsics, camera.mount)
+    flat, camera = home(), CameraSetup()
+    return flat, VisibilityEstimate(flat, PlanGrid(flat), camera.intrinsics, camera.mount)
 
 
 @pytest.fixture(scope="module", params=[0, 1, 2])
 def driven(request, place):
-    _, grid, sight = place
-    return drive(grid, sight, LIMITS, np.random.default_rng(request.param), SECONDS)
+    return drive(place[1], LIMITS, np.random.default_rng(request.param), SECONDS)
 
 
 def test_the_robot_never_touches_anything(driven, place):
-    flat, _, _ = place
+    flat, _ = place
     points = driven.samples[:, :2]
     for item in flat.furniture:
         assert distance_to_footprint(item, points).min() > LIMITS.radius_m, item
@@ -94,7 +92,7 @@ def test_speeds_and_accelerations_keep_to_the_limits(driven):
 
 
 def test_it_gets_somewhere_through_the_door_and_sees_things(driven, place):
-    _, _, sight = place
+    _, sight = place
     poses = driven.at(np.arange(0.0, SECONDS, 0.1))
     assert np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum() > 0.3 * SECONDS
     assert poses[:, 0].min() < 6.0 < poses[:, 0].max(), "both rooms"
@@ -104,9 +102,9 @@ def test_it_gets_somewhere_through_the_door_and_sees_things(driven, place):
 
 
 def test_a_longer_drive_begins_as_the_shorter_one(place):
-    _, grid, sight = place
-    short = drive(grid, sight, LIMITS, np.random.default_rng(7), 20.0)
-    long = drive(grid, sight, LIMITS, np.random.default_rng(7), 60.0)
+    _, sight = place
+    short = drive(sight, LIMITS, np.random.default_rng(7), 20.0)
+    long = drive(sight, LIMITS, np.random.default_rng(7), 60.0)
     assert np.array_equal(long.samples[: len(short.samples)], short.samples)
 
 

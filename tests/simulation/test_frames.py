@@ -15,7 +15,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.inputs import demo
-from edgemap.simulation.render.mesh import Material, Mesh, box, quad
+from edgemap.simulation.render.mesh import Material, box, placed, quad
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Probes, Surface
@@ -26,24 +26,25 @@ INTRINSICS = Intrinsics(320, 240, 200.0, 200.0, 159.5, 119.5)
 # Looks along x from (0, 0, 1).
 MOUNT = Mount.from_degrees(1.0, 0.0)
 GREY = Material((0.5, 0.5, 0.5))
-PROBES = Probes(np.zeros(3), np.ones(3), *[np.full((1, 1, 1, 6, 3), 0.2, np.float32)] * 2)
+PROBES = Probes(np.zeros(3), np.ones(3), np.full((1, 1, 1, 6, 6), 0.2, np.float32))
+
+
+def light(shape, lamp, day):
+    return np.broadcast_to(np.repeat(np.float32([lamp, day]), 3), (*shape, 6))
 
 
 def lit(id_, mesh, lamp=1.0, day=0.0):
-    def light(part, value):
-        return np.full(part.positions.shape, value, dtype=np.float32)
-
-    return [LitPart(id_, p, *[light(p, lamp)] * 2, *[light(p, day)] * 2) for p in mesh.parts]
+    return [LitPart(id_, p, *[light(p.positions.shape[:2], lamp, day)] * 2) for p in mesh]
 
 
 def sheet(x, y0, y1, z0, z1, material=GREY):
     """A rectangle across the view, facing the camera."""
-    return Mesh((quad((x, y0, z0), (0, 0, z1 - z0), (0, y1 - y0, 0), material),))
+    return [quad((x, y0, z0), (0, 0, z1 - z0), (0, y1 - y0, 0), material)]
 
 
 def wall(x, half, lamp=1.0, day=0.0):
     surface = Surface(np.array([x, half, 1 - half]), np.array([0, -2.0 * half, 0]), np.array([0, 0, 2.0 * half]), GREY)
-    return LitSurface(surface, *(np.full((4, 4, 3), value, dtype=np.float32) for value in (lamp, day)))
+    return LitSurface(surface, light((4, 4), lamp, day))
 
 
 @pytest.fixture
@@ -135,7 +136,7 @@ def test_points_stand_where_mount_and_lens_project_them(draw, lens):
     half, parts = 0.0313, []
     for n, (left, up) in enumerate(zip(y, z, strict=True), 1):
         marker = sheet(2.0, left - half, left + half, up - half, up + half)
-        parts += lit(n, marker.placed(POSE.x_m, POSE.y_m, 0.0, POSE.yaw_rad))
+        parts += lit(n, placed(marker, POSE, 0.0))
     frame = draw(parts, intrinsics=lens).frame(View.of_base(POSE, TILTED))
     from_lens = np.column_stack([np.full(len(y), 2.0), y, z]) - TILTED.position_base_m()
     optical = from_lens @ TILTED.rotation_base_optical()

@@ -10,7 +10,7 @@ import pytest
 
 from edgemap.simulation.apartment.furniture import kinds
 from edgemap.simulation.apartment.made import LIBRARY, made
-from edgemap.simulation.render.mesh import Material, quad, subdivided
+from edgemap.simulation.render.mesh import Material, quad, subdivided, triangles_of
 from edgemap.simulation.render.obj import read_obj
 
 KINDS = sorted(name for name, kind in kinds().items() if kind.frozen)
@@ -27,7 +27,7 @@ def piece(kind, number):
 def test_every_piece_that_a_home_may_show_is_there():
     shown = {key for kind in kinds().values() for key in (*kind.training, *kind.made, *kind.held_out, *kind.frozen)}
     for key in sorted(key for key in shown if key.startswith(LIBRARY))[::40]:
-        assert len(made(key.partition("/")[2]).triangles()) > 10, key
+        assert len(triangles_of(made(key.partition("/")[2]))) > 10, key
 
 
 def test_pieces_and_their_materials_never_change():
@@ -35,8 +35,8 @@ def test_pieces_and_their_materials_never_change():
     for kind in KINDS:
         for number in (1, 5, 101):
             mesh = piece(kind, number)
-            digest.update(np.round(mesh.triangles() * 1e5).astype(np.int64).tobytes())
-            for part in mesh.parts:
+            digest.update(np.round(triangles_of(mesh) * 1e5).astype(np.int64).tobytes())
+            for part in mesh:
                 texture = part.material.texture
                 digest.update(repr((np.round(part.material.colour, 6).tolist(), part.material.gloss)).encode())
                 digest.update(b"" if texture is None else np.round(texture / 16.0).astype(np.uint8).tobytes())
@@ -47,9 +47,9 @@ def test_pieces_and_their_materials_never_change():
 def test_normals_are_of_unit_length_and_face_as_the_triangles_do(kind):
     for number in NUMBERS:
         mesh = piece(kind, number)
-        normals = np.concatenate([part.normals for part in mesh.parts])
+        normals = np.concatenate([part.normals for part in mesh])
         np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0, atol=1e-6)
-        a, b, c = mesh.triangles().swapaxes(0, 1)
+        a, b, c = triangles_of(mesh).swapaxes(0, 1)
         wound = np.cross(b - a, c - a)
         area = np.linalg.norm(wound, axis=1)
         # Where a surface is creased, a sliver may disagree; hardly any area may.
@@ -79,9 +79,9 @@ def test_obj_is_scaled_and_turned_to_rep103():
         archive.writestr("a/b.obj", text)
         archive.writestr("a/m.mtl", "newmtl red\nKd 1 0 0\n")
     mesh = read_obj(zipfile.ZipFile(data), "a/b.obj", (1, 0, 0, 0, 1, 0, 0, 0, 1), (0.5, 0.8, 1.2))
-    points = mesh.triangles().reshape(-1, 3)
+    points = triangles_of(mesh).reshape(-1, 3)
     np.testing.assert_allclose(points.min(axis=0), [-0.6, -0.25, 0.0], atol=1e-12)
     np.testing.assert_allclose(points.max(axis=0), [0.6, 0.25, 0.8], atol=1e-12)
     tip = points[points[:, 0].argmax()]
     np.testing.assert_allclose(tip, [0.6, 0.0, 0.0], atol=1e-12)
-    assert mesh.parts[0].material.colour == pytest.approx((1.0, 0.0, 0.0))
+    assert mesh[0].material.colour == pytest.approx((1.0, 0.0, 0.0))

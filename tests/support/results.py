@@ -11,7 +11,7 @@ from support.recordings import LENS, MOUNT
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+from edgemap.geometry.observations.sighting import FloorRule, PlacedSighting, sightings_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraState
 from edgemap.runtime.frames.frame import Frame
@@ -42,7 +42,7 @@ def results(frames: list[Frame], poses: list[SE2]) -> Iterator[StepResult]:
     detections = Detections(np.array([[20.0, 10.0, 30.0, 40.0]]), np.array([0.9]), np.array([1]), ("person", "chair"))
     for frame, pose in zip(frames, poses, strict=True):
         seen = sightings_of(detections, FloorCamera(LENS, MOUNT), FloorRule(), frame.index, frame.stamp_s)
-        placed = [sighting.placed(pose, COVARIANCE) for sighting in seen]
+        placed = [PlacedSighting(sighting, pose, COVARIANCE) for sighting in seen]
         assert len(placed) == 1
         motion = Motion(SE2(0.1, 0.0, 0.05), np.eye(3))
         observed = FrameObservations(frame.index, frame.stamp_s, detections, seen, motion)

@@ -24,7 +24,7 @@ from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.limits import EVERY_S
-from edgemap.runtime.frames.spatial_poses import base_attitudes
+from edgemap.runtime.frames.spatial_poses import attitudes_of
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import MAXIMUM
@@ -109,7 +109,7 @@ class LivePoses(GivenPoses):
         after = bisect_left([row[0] for row in later], stamp_s)
         near = [self.path.first, *later[max(after - 1, 0) : after + 1]]
         stamps_s, poses = np.array([row[0] for row in near]), np.array([row[1] for row in near])
-        track = base_attitudes(stamps_s, poses, "z", self.mount)
+        track = attitudes_of(stamps_s, poses, "z", self.mount)
         return track and track.at(stamp_s, self.height_m)
 
     def correction(self, stamp_s: float) -> Callable[[float], SE2 | None] | None:

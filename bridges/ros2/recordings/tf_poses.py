@@ -14,7 +14,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.notes import note_dropped
 from edgemap.runtime.frames.reading import one_line, print_message
-from edgemap.runtime.frames.spatial_poses import base_attitudes, poses_of
+from edgemap.runtime.frames.spatial_poses import attitudes_of, poses_of
 from edgemap.runtime.frames.trajectory import EDGE_S, QUATERNION_TOLERANCE, Trajectory
 from edgemap.runtime.motion.given_poses import GivenPoses
 
@@ -48,7 +48,7 @@ def tf_poses(recording: Reading, frames: str, mount: Mount, first_s: float) -> G
         start = track.at(first_s, EDGE_S)
     except OdometryError as error:
         raise OdometryError(f"{recording.path}: the first picture: {error} (of tf)") from None
-    return GivenPoses(track, base_attitudes(stamps_s, poses, "z", mount), mount.height_m, start=start)
+    return GivenPoses(track, attitudes_of(stamps_s, poses, "z", mount), mount.height_m, start=start)
 
 
 def _steps(recording: Reading) -> dict[str, tuple[str, Array, Array]]:

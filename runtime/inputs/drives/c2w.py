@@ -9,7 +9,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import read_text
-from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, upright_camera
+from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.layout import drive_of, one_each, with_depth
@@ -45,14 +45,15 @@ def _with_poses(drive: Drive, columns: int, times: tuple[str, ...]) -> Drive:
     poses = one_each(path, read_matrices(path, columns), drive)
     if stated := next((drive.folder / name for name in times if (drive.folder / name).is_file()), None):
         drive = replace(drive, stamps_s=one_each(stated, read_stamps(stated), drive))
-    recorded, stamps = (poses, drive.world_up, drive.mount), drive.stamps_s
+    stamps = drive.stamps_s
     try:
-        truth = Trajectory(stamps, planarise_camera(*recorded))
+        truth = Trajectory(stamps, planarise(poses, drive.world_up, "z", drive.mount))
     except CameraError as error:  # the pictures can be driven without
         note(FaultKind.SAMPLES, f"{path}: no true poses: {error}")
         return drive
-    attitudes = camera_attitudes(stamps, poses, drive.world_up) if drive.kind == "c2w" else None
-    return replace(drive, truth=truth, attitudes=attitudes, full_poses=upright_camera(*recorded))
+    attitudes = attitudes_of(stamps, poses, drive.world_up) if drive.kind == "c2w" else None
+    full = upright_camera(poses, drive.world_up, drive.mount)
+    return replace(drive, truth=truth, attitudes=attitudes, full_poses=full)
 
 
 def _read_k(path: Path, first_picture: Path) -> Intrinsics:

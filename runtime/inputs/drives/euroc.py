@@ -19,7 +19,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import Coordinate, convert, read_bytes
-from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera, poses_of
+from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise, poses_of
 from edgemap.runtime.frames.tables import Column, NumberTable, columns
 from edgemap.runtime.frames.trajectory import Trajectory, tum_rows
 from edgemap.runtime.frames.yaml_file import read_yaml
@@ -85,8 +85,8 @@ def read_euroc(folder: Path) -> Drive:
         stamps_s=taken[known],
         intrinsics=drive.intrinsics or lens,
         rate_hz=rate_of_stamps(taken) or drive.rate_hz,
-        truth=Trajectory(truth_stamps, planarise_camera(poses, drive.world_up, drive.mount)),
-        attitudes=camera_attitudes(truth_stamps, poses, drive.world_up),
+        truth=Trajectory(truth_stamps, planarise(poses, drive.world_up, "z", drive.mount)),
+        attitudes=attitudes_of(truth_stamps, poses, drive.world_up),
         imu=samples.rotated(camera_body.T @ imu_body),
     )
 

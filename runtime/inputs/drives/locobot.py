@@ -16,7 +16,7 @@ from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.spatial_poses import planarise_base
+from edgemap.runtime.frames.spatial_poses import planarise
 from edgemap.runtime.frames.trajectory import Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
@@ -35,7 +35,7 @@ def read_locobot(folder: Path) -> Drive:
     one_each(wheel_path, wheel.stamps_s, drive)
     if better.is_file():
         matrices = one_each(better, read_tum_3d(better)[1], drive)
-        truth = Trajectory(wheel.stamps_s, planarise_base(matrices, drive.world_up))
+        truth = Trajectory(wheel.stamps_s, planarise(matrices, drive.world_up, "x"))
     return replace(drive, stamps_s=wheel.stamps_s, truth=truth, wheel=wheel)
 
 

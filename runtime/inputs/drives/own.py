@@ -25,7 +25,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.spatial_poses import base_attitudes, planarise_base
+from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise
 from edgemap.runtime.frames.trajectory import EDGE_S, Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
@@ -52,8 +52,8 @@ def read_own(folder: Path) -> Drive:
         raise CameraError(f"{folder}: neither images/ nor {VIDEO_NAME} in it")
     path, listed, known, wheel = (folder / name for name in ("poses.tum", "stamps.txt", "boxes.json", "wheel.csv"))
     stamps, matrices = read_tum_3d(path)
-    truth = Trajectory(stamps, planarise_base(matrices, drive.world_up))
-    attitudes = base_attitudes(stamps, matrices, drive.world_up, drive.mount) if drive.mount else None
+    truth = Trajectory(stamps, planarise(matrices, drive.world_up, "x"))
+    attitudes = attitudes_of(stamps, matrices, drive.world_up, drive.mount) if drive.mount else None
     if listed.is_file():
         stamps = read_stamps(listed)
     drive = replace(drive, stamps_s=stamps, rate_hz=drive.rate_hz or rate_of_stamps(stamps))

@@ -9,7 +9,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import read_text
-from edgemap.runtime.frames.spatial_poses import camera_attitudes, planarise_camera
+from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.runtime.inputs.drives.layout import drive_of, one_each, rate_of_stamps
@@ -34,8 +34,8 @@ def read_tum_drive(folder: Path) -> Drive:
         drive = replace(
             drive,
             stamps_s=one_each(path, stamps, drive),
-            truth=Trajectory(stamps, planarise_camera(poses, drive.world_up, drive.mount)),
-            attitudes=camera_attitudes(stamps, poses, drive.world_up),
+            truth=Trajectory(stamps, planarise(poses, drive.world_up, "z", drive.mount)),
+            attitudes=attitudes_of(stamps, poses, drive.world_up),
         )
     return replace(drive, rate_hz=rate_of_stamps(drive.stamps_s) or drive.rate_hz)
 
@@ -48,7 +48,7 @@ def _listed_pictures(folder: Path) -> Drive:
     if not truth_path.is_file():
         return drive
     truth_stamps, poses = read_tum_3d(truth_path)
-    recorded = Trajectory(truth_stamps, planarise_camera(poses, drive.world_up, drive.mount))
+    recorded = Trajectory(truth_stamps, planarise(poses, drive.world_up, "z", drive.mount))
     # The truth's stamps around each picture's; at both ends twice the same.
     after = np.searchsorted(truth_stamps, stamps)
     before_s, after_s = truth_stamps[np.maximum(after - 1, 0)], truth_stamps[np.minimum(after, len(truth_stamps) - 1)]
@@ -65,7 +65,7 @@ def _listed_pictures(folder: Path) -> Drive:
         images=tuple(compress(drive.images, known)),
         stamps_s=kept,
         truth=Trajectory(kept, tuple(recorded.at(stamp, MAX_GAP_S) for stamp in kept.tolist())).from_start(),
-        attitudes=camera_attitudes(truth_stamps, poses, drive.world_up),
+        attitudes=attitudes_of(truth_stamps, poses, drive.world_up),
     )
 
 

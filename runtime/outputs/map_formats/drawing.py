@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from edgemap.geometry.grid.rooms import Door, Room
-from edgemap.geometry.grid.walls import walls_of
+from edgemap.geometry.grid.walls import Wall, walls_of
 from edgemap.geometry.map_object import MapObject, ellipse_95, outline_m, radius_m, reach_m
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.rooms import title_of
@@ -19,7 +19,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.frame import png
-from edgemap.runtime.outputs.map_formats.grid import CellsRule
+from edgemap.runtime.outputs.map_formats.grid import MARGIN_M
 from edgemap.runtime.outputs.map_formats.shapes import (
     INK,
     MAXIMUM_SHAPES,
@@ -105,8 +105,9 @@ def _panels(drawn: DrawnMap) -> tuple[list[Item], float, float]:
     panels = [(title, _centres(sheet, drawn))]
     if drawn.sightings:
         seen = drawn.sightings[:: 1 + len(drawn.sightings) // MAXIMUM_SHAPES]
+        dots = [Shape(sheet.at(one.map_m) + _circle(2.5), label_colour(one.label), opacity=0.5) for one in seen]
         panels = [
-            (f"(a) all {len(drawn.sightings)} sightings", _points(sheet, seen)),
+            (f"(a) all {len(drawn.sightings)} sightings", dots),
             (f"(b) {len(objects)} clusters", _clusters(sheet, seen, objects)),
             (f"(c) {panels[0][0]}", panels[0][1]),
         ]
@@ -137,8 +138,7 @@ def _sheet(drawn: DrawnMap) -> Sheet:
         reach = max(reach_m(item), ellipse_m)
         points.append(item.position_m + reach * np.array([[1, 1], [-1, -1]]))
     every = np.concatenate(points)
-    margin_m = CellsRule().margin_m
-    low, high = every.min(axis=0) - margin_m, every.max(axis=0) + margin_m
+    low, high = every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
     deep_m, wide_m = np.maximum(high - low, 3.0)
     px_per_m = min(WIDEST_PX / wide_m, TALLEST_PX / deep_m)
     wide_m, deep_m = max(wide_m, 0.4 * WIDEST_PX / px_per_m), max(deep_m, 0.35 * WIDEST_PX / px_per_m)
@@ -160,18 +160,16 @@ def _floor(sheet: Sheet, drawn: DrawnMap) -> list[Item]:
         items.append(Raster(picture, float(x), float(y), rows * scale, columns * scale))
     items += _metre_grid(sheet)
     if grid is not None:
-        items += [
-            Shape(sheet.at([wall.from_m, wall.to_m]), stroke=INK, width=2.5, closed=False) for wall in walls_of(grid)
-        ]
-    for room in drawn.rooms:
-        items.append(Shape(sheet.at(room.corners_m), label_colour(title_of(room)), INK, opacity=0.12))
-    for door in drawn.doors:
-        items.append(Shape(sheet.at([door.from_m, door.to_m]), stroke=PAPER, width=5.0, closed=False))
-    for zone in drawn.zones:
-        corners = sheet.at(zone.corners_m)
-        items.append(Shape(corners, MUTED, opacity=0.1))
-        items.append(Shape(corners, stroke=INK, width=1.0))
+        items += [_line(sheet, wall, INK, 2.5) for wall in walls_of(grid)]
+    items += [Shape(sheet.at(room.corners_m), label_colour(title_of(room)), INK, opacity=0.12) for room in drawn.rooms]
+    items += [_line(sheet, door, PAPER, 5.0) for door in drawn.doors]
+    for corners in (sheet.at(zone.corners_m) for zone in drawn.zones):
+        items += [Shape(corners, MUTED, opacity=0.1), Shape(corners, stroke=INK, width=1.0)]
     return items
+
+
+def _line(sheet: Sheet, one: Wall | Door, colour: str, width_px: float) -> Shape:
+    return Shape(sheet.at([one.from_m, one.to_m]), stroke=colour, width=width_px, closed=False)
 
 
 def _metre_grid(sheet: Sheet) -> list[Item]:
@@ -200,13 +198,11 @@ def _path(sheet: Sheet, poses: Sequence[SE2]) -> list[Item]:
         return []
     points = sheet.at([[pose.x_m, pose.y_m] for pose in poses])
     thin = points[:: 1 + len(points) // MAXIMUM_SHAPES]
-    yaw = -poses[-1].yaw_rad
-    turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
-    arrow = points[-1] + np.array([[0.0, -12.0], [8.5, 9.0], [0.0, 4.5], [-8.5, 9.0]]) @ turn
+    arrow = [[0.0, -12.0], [8.5, 9.0], [0.0, 4.5], [-8.5, 9.0]] @ SE2(yaw_rad=poses[-1].yaw_rad).rotation()
     return [
         Shape(np.vstack([thin, points[-1:]]), stroke=PATH, width=2.0, closed=False),
         Shape(points[0] + _circle(6.0), PAPER, INK),
-        Shape(arrow, INK, PAPER),
+        Shape(points[-1] + arrow, INK, PAPER),
     ]
 
 
@@ -230,10 +226,6 @@ def _centres(sheet: Sheet, drawn: DrawnMap) -> list[Item]:
     if not drawn.objects:
         items.append(Text("no objects", sheet.width_px / 2.0, sheet.height_px / 2.0, "middle"))
     return items
-
-
-def _points(sheet: Sheet, sightings: Sequence[SeenRecord]) -> list[Item]:
-    return [Shape(sheet.at(seen.map_m) + _circle(2.5), label_colour(seen.label), opacity=0.5) for seen in sightings]
 
 
 def _clusters(sheet: Sheet, sightings: Sequence[SeenRecord], objects: Sequence[MapObject]) -> list[Item]:
@@ -261,15 +253,13 @@ def _mark(label: str, radius_px: float) -> Points:
     return radius_px * np.array(corners) if corners else _circle(radius_px)
 
 
-def _circle(radius_px: float) -> Points:
-    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+def _circle(radius_px: float, corners: int = 24) -> Points:
+    angle = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
     return radius_px * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _ellipse(item: MapObject) -> Points:
     """The 95 % ellipse about its centre, (48, 2), m, right and down."""
     long, short, yaw = ellipse_95(item.covariance_m2)
-    angle = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
-    along, across = long * np.cos(angle), short * np.sin(angle)
-    x, y = math.cos(yaw) * along - math.sin(yaw) * across, math.sin(yaw) * along + math.cos(yaw) * across
+    x, y = SE2(yaw_rad=yaw).apply(_circle(1.0, 48) * (long, short)).T
     return np.column_stack([-y, -x])

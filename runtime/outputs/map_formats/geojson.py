@@ -5,6 +5,8 @@ import math
 from collections.abc import Sequence
 from itertools import chain
 
+import numpy as np
+
 from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.grid.walls import Wall
@@ -45,8 +47,11 @@ def geojson_text(
         (_object(item, map_id) for item in objects),
         (_zone(zone) for zone in annotations.zones),
         (_wall(number, wall) for number, wall in enumerate(walls, start=1)),
-        (_room(room) for room in rooms),
-        (_door(door) for door in doors),
+        (_feature(one["id"], "Polygon", one.pop("corners_m"), {"room": True} | one) for one in map(room_record, rooms)),
+        (
+            _feature(one["id"], "LineString", (one.pop("from_m"), one.pop("to_m")), {"door": True} | one)
+            for one in map(door_record, doors)
+        ),
         (_trajectory(one) for one in (trajectory,) if one is not None),
     )
     document = {
@@ -81,18 +86,8 @@ def _zone(zone: Zone) -> dict:
 
 
 def _wall(number: int, wall: Wall) -> dict:
-    properties, ends = {"wall": True, "length_m": round(wall.length_m, 3)}, (wall.from_m, wall.to_m)
-    return _feature(f"wall-{number}", "LineString", [[round(x, 4), round(y, 4)] for x, y in ends], properties)
-
-
-def _room(room: Room) -> dict:
-    record = room_record(room)
-    return _feature(room.id, "Polygon", record.pop("corners_m"), {"room": True} | record)
-
-
-def _door(door: Door) -> dict:
-    record = door_record(door)
-    return _feature(door.id, "LineString", [record.pop("from_m"), record.pop("to_m")], {"door": True} | record)
+    ends = np.round([wall.from_m, wall.to_m], 4).tolist()
+    return _feature(f"wall-{number}", "LineString", ends, {"wall": True, "length_m": round(wall.length_m, 3)})
 
 
 def _trajectory(trajectory: Trajectory) -> dict:

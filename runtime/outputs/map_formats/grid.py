@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -15,6 +15,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
 
 MAXIMUM_CELLS, MAXIMUM_LIVE_CELLS = 100_000_000, 1_000_000
+MARGIN_M = 0.5  # unknown border around a map
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,50 +31,42 @@ class FloorCells:
     cell_m: float
 
 
-@dataclass(frozen=True, slots=True)
-class CellsRule:
-    """cell_m: side of a cell. robot_width_m: width that the robot sweeps free along its path. margin_m: unknown
-    border around the map.
-    """
-
-    cell_m: float = GridRule().cell_m
-    robot_width_m: float = 0.35
-    margin_m: float = 0.5
-
-
 def grid_of(
     objects: Sequence[MapObject],
     trajectory: Trajectory | None = None,
-    rule: CellsRule | None = None,
+    cell_m: float = GridRule().cell_m,
+    robot_width_m: float = 0.35,
     observed: OccupancyGrid | None = None,
 ) -> FloorCells:
     """Objects occupied, the floor that the robot has driven over free, the rest unknown, or as observed in cells of the
     same size; objects win.
 
-    Raises MapError where nothing is there to draw, or for more than 100 million cells.
+    cell_m: side of a cell. robot_width_m: width that the robot sweeps free along its path. Raises MapError where
+    nothing is there to draw, or for more than 100 million cells.
     """
-    rule = rule or CellsRule()
-    res = rule.cell_m
+    swept_m = robot_width_m / 2.0
     path_m = np.array([(pose.x_m, pose.y_m) for pose in trajectory.poses] if trajectory else []).reshape(-1, 2)
-    reach = [(item.position_m, reach_m(item) + rule.margin_m) for item in objects]
-    reach += [(point, rule.robot_width_m / 2.0 + rule.margin_m) for point in path_m]
+    reach = [(item.position_m, reach_m(item) + MARGIN_M) for item in objects]
+    reach += [(point, swept_m + MARGIN_M) for point in path_m]
     corners = [centre + sign * radius for centre, radius in reach for sign in (-1.0, 1.0)]
     if observed is not None:  # both lie on whole cells from the map's origin
         corner, shape = np.array([observed.x_m, observed.y_m]), observed.cells.shape
-        corners += [corner + 0.5 * res, corner + (np.array(shape[::-1]) - 0.5) * res]
+        corners += [corner + 0.5 * cell_m, corner + (np.array(shape[::-1]) - 0.5) * cell_m]
     if not corners:
         raise MapError("the map has neither objects nor a trajectory: there is no floor to draw")
-    first = np.floor(np.min(corners, axis=0) / res)  # whole cells, so that grids of one map fit onto each other
-    columns, rows = (int(count) for count in np.ceil(np.max(corners, axis=0) / res) - first)
+    first = np.floor(np.min(corners, axis=0) / cell_m)  # whole cells, so that grids of one map fit onto each other
+    columns, rows = (int(count) for count in np.ceil(np.max(corners, axis=0) / cell_m) - first)
     if rows * columns > MAXIMUM_CELLS:
-        raise MapError(f"{columns} x {rows} cells of {res:g} m: more than {MAXIMUM_CELLS}, take a coarser resolution")
-    x_m, y_m = (round(float(value) * res, 9) for value in first)
-    grid = FloorCells(np.full((rows, columns), UNKNOWN, np.int8), x_m, y_m, res)
+        raise MapError(
+            f"{columns} x {rows} cells of {cell_m:g} m: more than {MAXIMUM_CELLS}, take a coarser resolution"
+        )
+    x_m, y_m = (round(float(value) * cell_m, 9) for value in first)
+    grid = FloorCells(np.full((rows, columns), UNKNOWN, np.int8), x_m, y_m, cell_m)
     if observed is not None:
-        column, row = np.rint(corner / res - first).astype(int)
+        column, row = np.rint(corner / cell_m - first).astype(int)
         grid.cells[row : row + shape[0], column : column + shape[1]] = observed.cells
     if len(path_m):
-        _sweep(grid, path_m, rule.robot_width_m / 2.0)
+        _sweep(grid, path_m, swept_m)
     for item in objects:
         _occupy(grid, item)
     return grid
@@ -82,13 +75,12 @@ def grid_of(
 def live_grid(objects: Sequence[MapObject], x_m: float, y_m: float) -> FloorCells:
     """The grid of `grid_of` with the floor below a robot at (x_m, y_m) free. The side of a cell is doubled until at
     most a million cells cover everything."""
-    rule = CellsRule()
-    here = Trajectory(np.zeros(1), (SE2(x_m, y_m),))
+    cell_m = GridRule().cell_m
     points = np.array([[x_m, y_m], *(item.position_m for item in objects)])
-    sides_m = np.ptp(points, axis=0) + 2.0 * (rule.margin_m + max([reach_m(item) for item in objects], default=1.0))
-    while float(np.prod(np.ceil(sides_m / rule.cell_m) + 2.0)) > MAXIMUM_LIVE_CELLS:
-        rule = replace(rule, cell_m=2.0 * rule.cell_m)
-    return grid_of(objects, here, rule)
+    sides_m = np.ptp(points, axis=0) + 2.0 * (MARGIN_M + max([reach_m(item) for item in objects], default=1.0))
+    while float(np.prod(np.ceil(sides_m / cell_m) + 2.0)) > MAXIMUM_LIVE_CELLS:
+        cell_m *= 2.0
+    return grid_of(objects, Trajectory(np.zeros(1), (SE2(x_m, y_m),)), cell_m)
 
 
 def _sweep(grid: FloorCells, path_m: NDArray[np.float64], radius_m: float) -> None:

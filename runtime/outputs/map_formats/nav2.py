@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import yaml
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject, outline_m, radius_m, yaw_of
@@ -75,25 +75,19 @@ def vector_text(
     if len(objects) > MAXIMUM_SHAPES:
         raise MapError(f"{len(objects)} objects: at most {MAXIMUM_SHAPES} are shapes of a parameter file")
     shapes: dict[str, dict[str, Any]] = {}
+
+    def add(identity: str, kind: str, value: int, **form: Any) -> None:
+        known = {"type": kind, "uuid": object_uuid(identity, map_id), "frame_id": FRAME_ID, "value": value}
+        shapes[_unused(identity, shapes)] = known | form
+
     for zone in zones:
         closed = zone.name in keep_out or zone.id in keep_out
-        shapes[_unused(_name(zone.id), shapes)] = {
-            "type": "polygon",
-            "uuid": object_uuid(zone.id, map_id),
-            "frame_id": FRAME_ID,
-            "closed": closed,
-            "value": 100 if closed else -1,
-            "points": [round(float(value), 4) for corner in zone.corners_m for value in corner],
-        }
+        add(zone.id, "polygon", 100 if closed else -1, closed=closed, points=_numbers(zone.corners_m))
     for item in objects:
-        known = {"uuid": object_uuid(item.id, map_id), "frame_id": FRAME_ID, "value": 100}
         if yaw_of(item) is None:
-            centre = [round(float(value), 4) for value in item.position_m]
-            shape = {"type": "circle", "fill": True, "center": centre, "radius": round(radius_m(item), 4)}
+            add(item.id, "circle", 100, fill=True, center=_numbers(item.position_m), radius=round(radius_m(item), 4))
         else:
-            points = [round(value, 4) for value in outline_m(item).ravel().tolist()]
-            shape = {"type": "polygon", "closed": True, "points": points}
-        shapes[_unused(_name(item.id), shapes)] = known | shape
+            add(item.id, "polygon", 100, closed=True, points=_numbers(outline_m(item)))
     parameters: dict[str, Any] = {
         "map_topic": "vo_map", "global_frame_id": FRAME_ID, "resolution": float(resolution_m), "default_value": -1,
         "overlay_type": 0, "update_frequency": 1.0, "transform_tolerance": 0.1,
@@ -104,13 +98,15 @@ def vector_text(
     return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110)
 
 
-def _name(identity: str) -> str:
+def _numbers(points_m: ArrayLike) -> list[float]:
+    """Coordinates one after the other."""
+    return np.asarray(points_m, dtype=np.float64).round(4).ravel().tolist()
+
+
+def _unused(identity: str, taken: Mapping[str, Any]) -> str:
+    """A shape's name: `potted plant-1` and `potted-plant-1` are two shapes."""
     name = re.sub(r"[^a-z0-9]+", "_", identity.lower()).strip("_")
-    return name if name[:1].isalpha() else f"object_{name}"
-
-
-def _unused(name: str, taken: dict[str, Any]) -> str:
-    """`potted plant-1` and `potted-plant-1` are two shapes."""
+    name = name if name[:1].isalpha() else f"object_{name}"
     names = chain([name], (f"{name}_{number}" for number in count(2)))
     return next(unused for unused in names if unused not in taken)
 
@@ -118,19 +114,18 @@ def _unused(name: str, taken: dict[str, Any]) -> str:
 def write_masks(
     path: Path,
     zones: Sequence[Zone],
-    keep_out: Sequence[str] = (),
-    speed_percent: Mapping[str, int] | None = None,
+    keep_out: Sequence[str],
+    speeds: Mapping[str, int],
     resolution_m: float = 0.05,
 ) -> list[Path]:
     """Masks of zones by name, next to `path`: NAME.keepout.yaml and .pgm, NAME.speed.yaml and .pgm; the YAML files.
 
-    speed_percent: of the robot's highest speed, 1 to 100, in each zone; the lowest counts where zones overlap. Pixels
+    speeds: in each zone, percent of the robot's highest, 1 to 100; the lowest counts where zones overlap. Pixels
     are the mask's values as they are (mode raw): 100 for keep-out with a filter of type 0, the percentage with a filter
     of type 1, base 0.0 and multiplier 1.0, whose 0 is no limit. Raises MapError for a zone that is not there. Source:
     https://docs.nav2.org/configuration/packages/map_server/configuring-costmap-filter-info-server.html and
     https://docs.nav2.org/configuration/packages/costmap-plugins/speed_filter.html
     """
-    speeds = dict(speed_percent or {})
     for name in (*keep_out, *speeds):
         if not any(zone.name == name or zone.id == name for zone in zones):
             known = ", ".join(zone.name for zone in zones) or "none"

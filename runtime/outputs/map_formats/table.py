@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from edgemap.geometry.map_object import MapObject, radius_m
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.queries import inside_polygon
-from edgemap.runtime.step.map_file import map_document
+from edgemap.runtime.step.map_file import object_record
 
-COLUMNS = (
+COLUMNS: tuple[str, ...] = (
     "id", "label", "x_m", "y_m", "covariance_xx_m2", "covariance_xy_m2", "covariance_yy_m2", "width_m", "height_m",
     "radius_m", "count", "confidence", "first_seen_s", "last_seen_s", "first_seen", "last_seen", "since", "name",
     "confirmed", "corrected", "yaw_rad", "yaw_sigma_rad", "depth_m", "zones",
@@ -23,7 +23,7 @@ def csv_text(objects: Sequence[MapObject], zones: Sequence[Zone] = ()) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\r\n")
     writer.writeheader()
-    for item, record in zip(objects, map_document(list(objects))["objects"], strict=True):
+    for item, record in zip(objects, map(object_record, objects), strict=True):
         del record["labels"], record["history"], record["footprint"], record["earlier"]
         record["corrected"] = " ".join(record.get("corrected", []))
         record["zones"] = "; ".join(zone.name for zone in zones if inside_polygon([item], zone.corners_m))

@@ -73,8 +73,8 @@ class PluginSink(Sink):
 
     def __init__(self, name: str, opened: Callable[[], Sink]) -> None:
         self.name = name
-        self._sink: Sink | None = None
-        self._failure: EdgemapError | None = None
+        self._sink: Any = None
+        self._failure: EdgemapError = PluginError("its package gave no sink")
         try:
             self._sink = opened()
         except EdgemapError as error:
@@ -84,8 +84,8 @@ class PluginSink(Sink):
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Passes a step on. Raises what the sink raises."""
-        if self._failure is not None or self._sink is None:
-            raise self._failure or PluginError("its package gave no sink")
+        if self._sink is None:
+            raise self._failure
         self._sink.write(result, objects)
 
     def last(self, result: StepResult, objects: list[MapObject]) -> None:

@@ -7,9 +7,8 @@ from pathlib import Path
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
-from edgemap.geometry.objects.annotations import Annotations
+from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.scale import scaled_map
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import SAVE_EVERY_S, lock_folder, write_atomically
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.timing import StreamTimer
@@ -41,14 +40,15 @@ class LivingMap(Sink):
         self.path = Path("map.json")
         self._folder = folder
         self._searching, self._verdict = searching, verdict
-        self._state: tuple[list[MapObject], Annotations, SE2, OccupancyGrid | None] | None = None
+        self._result: StepResult | None = None  # the newest
+        self._map: tuple[list[MapObject], Annotations] = [], NO_ANNOTATIONS
         self._saved_grid: tuple[OccupancyGrid, float] | None = None  # and its scale
-        self._scale, self._closed = 1.0, False
+        self._closed = False
         self._written: dict | None = None
         self._replaced = False  # the map of the runs before, which is kept once
         self._save_timer = StreamTimer(SAVE_EVERY_S)
         self._lock: int | None = None
-        self._better: dict[Path, bytes] = {}
+        self._better: dict[Path, bytes] = {}  # files of the map of the runs before, where they were not unreliable
         self.beside = ""  # where this run's map was saved instead, in one line
         if isinstance(folder, Path):
             self._open(folder)
@@ -56,7 +56,12 @@ class LivingMap(Sink):
     def _open(self, folder: Path) -> None:
         self._lock = lock_folder(folder, "another run uses this map, or its page is still open")
         self.path = folder / "map.json"
-        self._better = self._earlier_map()
+        if not self.path.is_file():
+            return
+        identity = load_annotated_map(self.path)[1].identity
+        if identity is None or identity.level != "unreliable":
+            files = (self.path.with_name(grid_name(self.path)), self.path)
+            self._better = {path: read_bytes(path, MapError) for path in files if path.is_file()}
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Save by the stream's time. Raises DiskError, or RunFolderError where another run uses the found folder."""
@@ -64,8 +69,7 @@ class LivingMap(Sink):
             if (found := self._folder()) is None:
                 return
             self._open(found)
-        self._state = (objects, result.annotations, result.pose_map_base, result.grid)
-        self._scale = result.scale
+        self._result, self._map = result, (objects, result.annotations)
         if self._save_timer.due(result.frame.stamp_s):
             self._save()
 
@@ -73,9 +77,8 @@ class LivingMap(Sink):
 
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
         """The map as a person has just edited it, saved at once; also after the run. Raises DiskError."""
-        if self._state is not None:
-            self._state = (objects, annotations, *self._state[2:])
-            self._save()
+        self._map = objects, annotations
+        self._save()
 
     def close(self) -> None:
         """Save for good; edits of the page that stays are still saved. Raises DiskError."""
@@ -87,16 +90,6 @@ class LivingMap(Sink):
         lock, self._lock = self._lock, None
         if lock is not None:
             os.close(lock)
-
-    def _earlier_map(self) -> dict[Path, bytes]:
-        """The files of the map of the runs before, by path; none where there is none, or its run was unreliable."""
-        if not self.path.is_file():
-            return {}
-        identity = load_annotated_map(self.path)[1].identity
-        if identity is not None and identity.level == "unreliable":
-            return {}
-        files = (self.path.with_name(grid_name(self.path)), self.path)
-        return {path: read_bytes(path, MapError) for path in files if path.is_file()}
 
     def _choose(self, verdict: Verdict) -> None:
         """Where to save: next to a better map, or in its place."""
@@ -116,17 +109,16 @@ class LivingMap(Sink):
 
     def _save(self) -> None:
         """Nothing is written where nothing changed: a robot at rest leaves its disk alone."""
-        if self._state is None or self._searching():
+        if (result := self._result) is None or self._searching():
             return
         verdict = self._verdict()
         self._choose(verdict)
-        live_objects, live_annotations, pose, live_grid = self._state
-        scale = self._scale if self._closed else 1.0
-        objects, annotations, grid = scaled_map(live_objects, verdict.on(live_annotations), live_grid, scale)
-        if live_grid is not None and grid is not None and (live_grid, scale) != self._saved_grid:
+        scale, (objects, annotations) = result.scale if self._closed else 1.0, self._map
+        objects, annotations, grid = scaled_map(objects, verdict.on(annotations), result.grid, scale)
+        if result.grid is not None and grid is not None and (result.grid, scale) != self._saved_grid:
             save_grid(self.path.with_name(grid_name(self.path)), grid)
-            self._saved_grid = (live_grid, scale)
-        document = map_document(objects, annotations, grid, last_pose=pose.scaled(scale))
+            self._saved_grid = (result.grid, scale)
+        document = map_document(objects, annotations, grid, last_pose=result.pose_map_base.scaled(scale))
         if document != self._written:
             replace_map(self.path, saved_text(document), keeps_before=not self._replaced and not self.beside)
             self._written, self._replaced = document, self._replaced or not self.beside

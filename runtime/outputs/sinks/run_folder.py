@@ -17,20 +17,17 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.scale import scaled_map
-from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.runtime.frames.disk import SAVE_EVERY_S, LineFile, lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import jpeg
 from edgemap.runtime.frames.timing import StreamTimer, percentiles
 from edgemap.runtime.frames.trajectory import tum_line
-from edgemap.runtime.outputs.sinks.rewriting import rewrite
+from edgemap.runtime.outputs.sightings_file import rewrite, sighting_record
 from edgemap.runtime.outputs.verdict.run_counts import RunCounts
 from edgemap.runtime.outputs.verdict.verdict import Verdict
-from edgemap.runtime.step.loop_closing import LoopCorrection
 from edgemap.runtime.step.map_file import save_map
 from edgemap.runtime.step.overlay import draw_floor_grid
-from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.slam import StepResult
 
 IN_USE = "another run writes into it; choose another --out"
@@ -53,22 +50,16 @@ class RunFolder:
         self.folder = folder
         self._camera, self._counts = camera, RunCounts(record)
         self._trajectory, self._sightings = LineFile(folder / "trajectory.tum"), LineFile(folder / "sightings.jsonl")
-        self._objects: list[MapObject] = []
+        self._result: StepResult | None = None  # the newest
         self._annotations = NO_ANNOTATIONS
-        self._grid: OccupancyGrid | None = None
         self._saved_grid: tuple[OccupancyGrid | None, float] = (None, 1.0)  # and its scale
-        self._scale = 1.0  # see `MapUpdate`
-        self._merged: dict[str, str] = {}
         self._stage_times: dict[str, deque[float]] = {}  # of the latest 1,000 frames
         self._faults: list[dict[str, Any]] = []
         self.verdict = Verdict("care")  # of the newest save
         self.document: dict[str, Any] = {}  # run.json of the newest save
-        self._journal: PoseJournal | None = None
         self._rewritten_at = 0  # revision of the journal that the files show
-        self._frames = 0
         self._save_timer = StreamTimer(SAVE_EVERY_S)
         self._failure: EdgemapError | None = None  # of the newest save
-        self._stamp_s = 0.0
         self._started = self._saved_at = perf_counter()
         self._closed = False
         self._lock = lock_folder(folder, IN_USE)
@@ -90,32 +81,31 @@ class RunFolder:
         Raises DiskError, or RunFolderError where another run took the folder, from the save that fails until one does
         not.
         """
-        if self._frames == 0:
+        if self._counts.frames == 0:
             picture = draw_floor_grid(result.frame.image, self._camera)
             with suppress(cv2.error, DiskError):
                 write_atomically(self.folder / "mount.jpg", jpeg(picture))
-        self._frames += 1
-        self._stamp_s = stamp_s = result.frame.stamp_s
-        self._trajectory.append(tum_line(stamp_s, result.pose_map_base))
+        self._counts.write(result, objects)
+        self._trajectory.append(tum_line(result.frame.stamp_s, result.pose_map_base))
         self.last(result, objects)
         for stage, time_ms in result.stages_ms.items():
             self._stage_times.setdefault(stage, deque(maxlen=1000)).append(time_ms)
-        self._counts.write(result, objects)
-        if result.relocated is not None or self._save_timer.is_due(stamp_s):
-            self._save(rewrite=result.relocated is not None)
+        if result.relocated is not None or self._save_timer.is_due(result.frame.stamp_s):
+            self._save(rewrites=result.relocated is not None)
         if self._failure is not None:
             raise self._failure
 
     def last(self, result: StepResult, objects: list[MapObject]) -> None:
         """The map of a result and its sightings, without a step."""
-        self._objects, self._merged, self._annotations = objects, result.merged, result.annotations
-        self._journal, self._grid, self._scale = result.trajectory, result.grid, result.scale
-        self._counts.edited(objects)
-        if result.correction is not None:
-            self._note_correction(result.correction)
+        self._result, self._annotations, self._counts.objects = result, result.annotations, objects
+        if (correction := result.correction) is not None:
+            before = self._counts.record.get("corrections", {"count": 0, "largest_m": 0.0})
+            largest_m = max(before["largest_m"], round(correction.moved_m, 4))
+            noted = {"count": before["count"] + 1, "largest_m": largest_m, "seen_again": correction.links}
+            self.add_record({"corrections": noted})
         if result.relocated is not None:
             start = result.relocated.vector().tolist()
-            self.add_record({"relocated": {"frame": self._frames, "pose_map_start": start}})
+            self.add_record({"relocated": {"frame": self._counts.frames, "pose_map_start": start}})
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             record = sighting_record(result, placed, identity)
             self._sightings.append(json.dumps(record, allow_nan=False) + "\n")
@@ -124,14 +114,13 @@ class RunFolder:
         """Records a fault with its frame; while a camera is disconnected, its faults trigger the saving."""
         self._counts.fault(fault)
         if len(self._faults) < MAX_FAULTS:
-            self._faults.append(replace(fault, frame=self._frames).document())
+            self._faults.append(replace(fault, frame=self._counts.frames).document())
         if perf_counter() - self._saved_at > SAVE_EVERY_S and not self._closed:
-            self._save(rewrite=False)
+            self._save(rewrites=False)
 
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
         """The map as a person has just edited it, saved at once; also after the run. Raises DiskError."""
-        self._objects, self._annotations = objects, annotations
-        self._counts.edited(objects)
+        self._counts.objects, self._annotations = objects, annotations
         self._save_map()
 
     def judge(self) -> Verdict:
@@ -145,20 +134,21 @@ class RunFolder:
             return
         self._closed = True
         try:
-            self._write_all(rewrite=True)
+            self._write_all(rewrites=True)
         finally:
             os.close(self._lock)
 
-    def _save(self, rewrite: bool) -> None:
-        self._save_timer.done(self._stamp_s)
+    def _save(self, rewrites: bool) -> None:
+        self._save_timer.done(self._result.frame.stamp_s if self._result else 0.0)
         self._saved_at, self._failure = perf_counter(), None
         try:
-            self._write_all(rewrite)
+            self._write_all(rewrites)
         except EdgemapError as error:
             self._failure = error
 
-    def _write_all(self, rewrite: bool = False) -> None:
-        """The map first: it is what the run is for. Raises DiskError."""
+    def _write_all(self, rewrites: bool = False) -> None:
+        """The map first: it is what the run is for. rewrites: whether trajectory and sightings get all corrections so
+        far. Raises DiskError."""
         if not self.folder.exists():  # it vanished; made again where what it lay in is still there
             lock = lock_folder(self.folder, IN_USE, parents=False)
             os.close(self._lock)
@@ -167,41 +157,25 @@ class RunFolder:
         self._save_map()
         self._trajectory.flush()
         self._sightings.flush()
-        if rewrite:
-            self._rewrite()
+        journal, scale = self._result and self._result.trajectory, self._file_scale
+        if rewrites and journal is not None and (journal.revision != self._rewritten_at or scale != 1.0):
+            rewrite(self._trajectory.path, self._sightings.path, journal, scale)
+            self._rewritten_at = journal.revision
         record["lines_lost"] = self._trajectory.dropped + self._sightings.dropped
         write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
         self.document = record
 
     def _save_map(self) -> None:
         """The map, and its grid where that has changed. Raises DiskError."""
-        grid = (self._grid, self._file_scale)
-        saved = scaled_map(self._objects, self.verdict.on(self._annotations), *grid)
+        grid = (self._result and self._result.grid, self._file_scale)
+        saved = scaled_map(self._counts.objects, self.verdict.on(self._annotations), *grid)
         save_map(self.folder / "map.json", *saved, grid_saved=grid == self._saved_grid)
         self._saved_grid = grid
 
     @property
     def _file_scale(self) -> float:
         """Scale of all files over the live map's: they change together, at the end."""
-        return self._scale if self._closed else 1.0
-
-    def _note_correction(self, correction: LoopCorrection) -> None:
-        """Count a loop closure in run.json."""
-        before = self._counts.record.get("corrections", {"count": 0, "largest_m": 0.0})
-        corrections = {
-            "count": before["count"] + 1,
-            "largest_m": max(before["largest_m"], round(correction.moved_m, 4)),
-            "seen_again": correction.links,
-        }
-        self.add_record({"corrections": corrections})
-
-    def _rewrite(self) -> None:
-        """Rewrite trajectory and sightings with all corrections so far. Raises DiskError."""
-        journal, scale = self._journal, self._file_scale
-        if journal is None or (journal.revision == self._rewritten_at and scale == 1.0):
-            return
-        rewrite(self._trajectory.path, self._sightings.path, journal, scale)
-        self._rewritten_at = journal.revision
+        return self._result.scale if self._closed and self._result else 1.0
 
     def _document(self) -> dict[str, Any]:
         """run.json as it stands, with the verdict."""
@@ -209,29 +183,10 @@ class RunFolder:
             self._counts.mount_seen |= {"used_height_m": round(scale * self._camera.mount.height_m, 4)}
         record = self._counts.document(scale) | {
             "finished": self._closed,
-            "frames": self._frames,
+            "frames": self._counts.frames,
             "seconds": round(perf_counter() - self._started, 3),
             "stages_ms": {name: percentiles(times_ms) for name, times_ms in self._stage_times.items()},
-            "merged": self._merged,
+            "merged": self._result.merged if self._result else {},
             "faults": self._faults,
         }
-        self.verdict = self._counts.verdict(scale)
-        return record | {"verdict": self.verdict.document()}
-
-
-def sighting_record(result: StepResult, placed: PlacedSighting, identity: str) -> dict[str, Any]:
-    """One sighting as a line of sightings.jsonl: its position in the picture, from the robot, and in the map."""
-    sighting = placed.sighting
-    return {
-        "frame": sighting.frame,
-        "stamp_s": round(sighting.stamp_s, 6),
-        "label": sighting.label,
-        "score": round(sighting.score, 4),
-        "box_px": [round(float(v), 1) for v in result.detections.boxes[sighting.detection]],
-        "object": identity,
-        "base_m": [round(float(v), 4) for v in sighting.position_base_m],
-        "map_m": [round(float(v), 4) for v in placed.position_map_m],
-        "distance_m": round(sighting.distance_m, 4),
-        "width_m": round(sighting.width_m, 4),
-        "height_m": round(sighting.height_m, 4),
-    }
+        return record | {"verdict": self.judge().document()}

@@ -25,7 +25,8 @@ class RunCounts(Sink):
     def __init__(self, record: dict[str, Any]) -> None:
         self.record = record
         self.mount_seen: dict[str, float] = {}  # as the drive has shown it so far
-        self._objects: list[MapObject] = []
+        self.objects: list[MapObject] = []  # of the newest map
+        self.frames = 0
         self._doubled = DoubledObjects()
         self._kinds: Counter[str] = Counter()
         self._attitudes: Counter[str] = Counter()  # frames by where roll and pitch came from
@@ -34,25 +35,26 @@ class RunCounts(Sink):
         self._wheels = False
         self._first_s = self._last_s = math.nan
         self._steps_s: list[float] = []
-        self._sigma_m = self._heading_rad = self._largest_m = self._largest_rad = self._travelled_m = 0.0
+        self._travelled_m = 0.0
+        self._sigma = self._largest = np.zeros(2)  # of position, m, and heading, rad
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Counts one step."""
-        self._objects = objects
+        self.objects = objects
         observed, health = result.observed, result.health
         if (seen := observed.mount_estimate) is not None:
             self.mount_seen |= mount_record(seen)
         if (height := observed.height_estimate) is not None:
             self.mount_seen |= {"height_m": round(height.height_m, 3), "sigma_height_m": round(height.sigma_m, 3)}
         stamp_s = result.frame.stamp_s
-        if self._counts["frames"] and len(self._steps_s) < 10_000:
+        if self.frames and len(self._steps_s) < 10_000:
             self._steps_s.append(stamp_s - self._last_s)
         self._first_s = stamp_s if math.isnan(self._first_s) else self._first_s
         self._last_s = stamp_s
         members = result.motion.members
         attitude = observed.camera.attitude if observed.camera else None
         self._attitudes[observed.attitude_source] += 1
-        self._counts["frames"] += 1
+        self.frames += 1
         if health.blindness is not None:
             kind = health.blindness.kind
             self._blind[kind] += not health.stale or (kind is FaultKind.FROZEN and result.motion.blind)
@@ -70,10 +72,9 @@ class RunCounts(Sink):
         )
         self._travelled_m = result.travelled_m
         covariance = result.pose_covariance
-        self._sigma_m = math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
-        self._heading_rad = math.sqrt(max(float(covariance[2, 2]), 0.0))
-        self._largest_m = max(self._largest_m, self._sigma_m)
-        self._largest_rad = max(self._largest_rad, self._heading_rad)
+        variances = np.linalg.eigvalsh(covariance[:2, :2])[-1], covariance[2, 2]
+        self._sigma = np.sqrt(np.maximum(variances, 0.0))
+        self._largest = np.maximum(self._largest, self._sigma)
 
     def quality(self, scale: float = 1.0) -> dict[str, Any]:
         """The counts so far, as plain values. scale: by which lengths are multiplied.
@@ -89,23 +90,21 @@ class RunCounts(Sink):
         """
         names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount", "worktop", "searched")
         step_s = float(np.median(self._steps_s)) if self._steps_s else 0.0
-        duration_s = self._last_s - self._first_s if self._counts["frames"] else 0.0
+        duration_s = self._last_s - self._first_s if self.frames else 0.0
+        sigmas = {"end": self._sigma.tolist(), "largest": self._largest.tolist()}
         return {
-            "frames": self._counts["frames"],
+            "frames": self.frames,
             "blind_frames": sum(self._blind.values()),
             "blind": {kind.value: count for kind, count in self._blind.items() if count},
             **{f"{name}_frames": self._counts[f"{name}_frames"] for name in names},
             "wheels": self._wheels,
             "travelled_m": round(scale * self._travelled_m, 3),
-            "sigma_m": {"end": round(scale * self._sigma_m, 4), "largest": round(scale * self._largest_m, 4)},
-            "heading_sigma_deg": {
-                "end": round(math.degrees(self._heading_rad), 3),
-                "largest": round(math.degrees(self._largest_rad), 3),
-            },
+            "sigma_m": {when: round(scale * sigma_m, 4) for when, (sigma_m, _) in sigmas.items()},
+            "heading_sigma_deg": {when: round(math.degrees(rad), 3) for when, (_, rad) in sigmas.items()},
             "duration_s": round(duration_s, 3),
             "rate_hz": round(1.0 / step_s, 2) if step_s > 0.0 else None,
             "searched_hz": round(self._counts["searched_frames"] / duration_s, 2) if duration_s > 0.0 else None,
-            "doubled": self._doubled.seen(self._objects),
+            "doubled": self._doubled.seen(self.objects),
         }
 
     def fault(self, fault: Fault) -> None:
@@ -114,11 +113,7 @@ class RunCounts(Sink):
 
     def last(self, result: StepResult, objects: list[MapObject]) -> None:  # noqa: ARG002
         """The objects with the last boxes."""
-        self.edited(objects)
-
-    def edited(self, objects: list[MapObject]) -> None:
-        """The objects as a person has just edited them."""
-        self._objects = objects
+        self.objects = objects
 
     def document(self, scale: float = 1.0) -> dict[str, Any]:
         """The record with all counts. scale: by which lengths are multiplied."""
@@ -133,7 +128,7 @@ class RunCounts(Sink):
 
     def verdict(self, scale: float = 1.0) -> Verdict:
         """How far the map can be trusted as it stands."""
-        return verdict_of(self.document(scale), scaled_objects(self._objects, scale))
+        return verdict_of(self.document(scale), scaled_objects(self.objects, scale))
 
 
 def mount_record(seen: MountEstimate) -> dict[str, float]:

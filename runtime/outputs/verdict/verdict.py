@@ -24,6 +24,7 @@ TITLES: dict[Level, str] = {"good": "good", "care": "use with care", "unreliable
 WRONG_M, WRONG_DEG = 0.5, 10.0
 # A quarter of a drive without a measurement is what no loop closure brings back; a twentieth is a corner or two.
 LOST_SHARE, SOME_SHARE = 0.25, 0.05
+SHARES = SOME_SHARE, LOST_SHARE
 OFF_MOUNT_DEG = 2.0  # of pitch or roll: moves what is 3 m before a lens 0.6 m up by half a metre
 SEEN_M = 3.0  # from where most objects are seen; what is nearer than the nearest floor does not show where it stands
 
@@ -89,25 +90,30 @@ class _Run(NamedTuple):
         return {kind: count for kind, count in self.record.get("fault_kinds", {}).items() if kind in cause.kinds}
 
 
+def _graded(value: float, limits: tuple[float, float], cause: Cause, text: str) -> Iterator[Finding]:
+    """A finding where a value is above the first limit, which makes the map unreliable above the second."""
+    if value > limits[0]:
+        yield Finding("unreliable" if value > limits[1] else "care", cause, text)
+
+
 def _pictures(run: _Run) -> Iterator[Finding]:
     """Pictures without information."""
     quality = run.quality
     share = quality["blind_frames"] / quality["frames"]
-    if share > SOME_SHARE:
-        kinds = ", ".join(sorted(quality.get("blind", {}), key=lambda kind: -quality["blind"][kind]))
-        yield Finding(_level(share, LOST_SHARE), CAUSES["light"], f"{100 * share:.0f} % of the pictures are {kinds}")
+    kinds = ", ".join(sorted(quality.get("blind", {}), key=lambda kind: -quality["blind"][kind]))
+    yield from _graded(share, SHARES, CAUSES["light"], f"{100 * share:.0f} % of the pictures are {kinds}")
 
 
 def _mount(run: _Run) -> Iterator[Finding]:
     """Stated against observed mount, angles and height; and whether it was stated."""
     record, carried = run.record, _is_carried(run)
+    given, seen = record.get("mount", {}), record.get("mount_seen", {})
     if guess := record.get("camera_guess"):
         if turned_by := guess.get("turned_by"):
             yield Finding("unreliable", CAUSES["turned"], f"the pictures are not upright: turn them by {turned_by}")
         if sway_deg := guess.get("sway_deg"):
             text = f"the camera sways by {sway_deg:.0f} deg, as in a hand or on a head, and its mount is a guess"
             yield Finding("unreliable", CAUSES["carried"], text)
-        seen = record.get("mount_seen", {})
         focal, height, pitch = guess["focal_sigma_share"], guess["height_sigma_share"], guess.get("sigma_pitch_deg", 0)
         if height and not carried and seen.get("height_m"):
             height = seen["sigma_height_m"] / seen["height_m"]
@@ -117,8 +123,8 @@ def _mount(run: _Run) -> Iterator[Finding]:
         guessed = [name for name, some in (("lens", focal), ("mount", height or pitch)) if some]
         what = " and ".join(guessed) + " are" if len(guessed) > 1 else f"the {(*guessed, 'camera')[0]} is"
         cause = CAUSES["height_guess" if height else "guess"]
-        yield Finding(_level(SEEN_M * height, WRONG_M), cause, f"{what} guessed ({', '.join(parts)})")
-    given, seen = record.get("mount", {}), record.get("mount_seen", {})
+        level: Level = "unreliable" if SEEN_M * height > WRONG_M else "care"
+        yield Finding(level, cause, f"{what} guessed ({', '.join(parts)})")
     for angle in ("pitch", "roll"):
         if f"{angle}_deg" not in seen or carried:
             continue
@@ -143,17 +149,17 @@ def _floor(run: _Run) -> Iterator[Finding]:
     if "fy" in lens and "height_m" in mount:
         below = math.atan((lens["height"] - 1.0 - lens["cy"]) / lens["fy"]) + math.radians(mount["pitch_deg"])
         nearest_m = mount["height_m"] / math.tan(below) if below > 0.0 else math.inf
-        if nearest_m > SEEN_M and mount["height_m"] < SEEN_M:
+        if mount["height_m"] < SEEN_M:
             text = f"the nearest floor in view is {nearest_m:.1f} m away" if below > 0.0 else "no floor is in view"
-            yield Finding(_level(nearest_m, 2.0 * SEEN_M), CAUSES["floor"], text)
+            yield from _graded(nearest_m, (SEEN_M, 2.0 * SEEN_M), CAUSES["floor"], text)
     moving = run.quality["frames"] - run.quality.get("still_frames", 0)  # at rest no length is measured
     share = run.quality.get("worktop_frames", 0) / max(moving, 1)
-    if share > SOME_SHARE and _measures_by_floor(run):
+    if _measures_by_floor(run):
         text = (
             f"in {100 * share:.0f} % of the pictures cups, books or the like stand on what is taken for floor: it is a "
             "worktop, and lengths may be twice too long"
         )
-        yield Finding(_level(share, LOST_SHARE), CAUSES["worktop"], text)
+        yield from _graded(share, SHARES, CAUSES["worktop"], text)
     if not objects:
         yield Finding("unreliable", CAUSES["floor"], "nothing was mapped")
 
@@ -174,9 +180,8 @@ def _is_carried(run: _Run) -> bool:
 def _motion(run: _Run) -> Iterator[Finding]:
     """The uncertainty of the pose, and its causes."""
     record, quality = run.record, run.quality
-    frames, wheels = quality["frames"], quality.get("wheel_frames", 0)
-    alone = str(record.get("odometry", "")).startswith("wheel:")
-    wheels = frames - quality["guessed_frames"] if alone else wheels
+    frames, alone = quality["frames"], str(record.get("odometry", "")).startswith("wheel:")
+    wheels = frames - quality["guessed_frames"] if alone else quality.get("wheel_frames", 0)
     cause = CAUSES["drift"] if wheels > 0.5 * frames else CAUSES["carried" if _is_carried(run) else "wheels"]
     moving = frames - quality.get("still_frames", 0) - 1
     if (alone or quality.get("wheels", wheels > 0)) and wheels < (1.0 - SOME_SHARE) * moving:
@@ -185,15 +190,11 @@ def _motion(run: _Run) -> Iterator[Finding]:
             cause = CAUSES["scale"]  # beside a camera of the wrong height, wheels that are right are left out
         yield Finding("care", cause, f"{100 * share:.0f} % of the frames in motion have no wheel odometry")
     guessed = quality["guessed_frames"] / frames
-    if guessed > SOME_SHARE:
-        yield Finding(
-            _level(guessed, LOST_SHARE), cause, f"the motion of {100 * guessed:.0f} % of the frames is a guess"
-        )
+    yield from _graded(guessed, SHARES, cause, f"the motion of {100 * guessed:.0f} % of the frames is a guess")
     sigma_m, heading = quality["sigma_m"]["end"], quality["heading_sigma_deg"]["end"]
-    if max(sigma_m / WRONG_M, heading / WRONG_DEG) > 0.5:
-        level = _level(max(sigma_m / WRONG_M, heading / WRONG_DEG), 1.0)
-        known = "the heading is unknown" if heading > 90.0 else f"{heading:.0f} deg"
-        yield Finding(level, cause, f"the pose is known to {sigma_m:.2f} m and {known}")
+    known = "the heading is unknown" if heading > 90.0 else f"{heading:.0f} deg"
+    wrong = max(sigma_m / WRONG_M, heading / WRONG_DEG)
+    yield from _graded(wrong, (0.5, 1.0), cause, f"the pose is known to {sigma_m:.2f} m and {known}")
 
 
 def _camera(run: _Run) -> Iterator[Finding]:
@@ -234,16 +235,14 @@ def _objects(run: _Run) -> Iterator[Finding]:
         text = f"{twice['objects']} objects stand twice, {twice['away_m']:.1f} m and {twice['turned_deg']:.0f} deg off"
         yield Finding("unreliable", CAUSES["place"], f"{text}: the run was placed wrongly in the saved map")
     doubtful = sum(is_doubtful(item) for item in objects) / len(objects)
-    if doubtful > LOST_SHARE:
-        text = f"{100 * doubtful:.0f} % of the objects are doubtful"
-        yield Finding(_level(doubtful, 2.0 * LOST_SHARE), CAUSES["other"], text)
+    text = f"{100 * doubtful:.0f} % of the objects are doubtful"
+    yield from _graded(doubtful, (LOST_SHARE, 2.0 * LOST_SHARE), CAUSES["other"], text)
     typical_m, height_m = median(sigma_of(item) for item in objects), record.get("mount", {}).get("height_m", math.inf)
-    if typical_m > 0.5 * WRONG_M:
-        text = f"the objects' positions are known to {typical_m:.2f} m"
-        # An uncertain tilt alone moves objects that far.
-        is_low = FloorNoise().tilt_rad * SEEN_M**2 / height_m > 0.5 * WRONG_M
-        low = f", with a lens {height_m:.2f} m above the floor" if is_low else ""
-        yield Finding(_level(typical_m, WRONG_M), CAUSES["low" if low else "other"], text + low)
+    # An uncertain tilt alone moves objects that far.
+    is_low = FloorNoise().tilt_rad * SEEN_M**2 > 0.5 * WRONG_M * height_m
+    low = f", with a lens {height_m:.2f} m above the floor" if is_low else ""
+    text = f"the objects' positions are known to {typical_m:.2f} m{low}"
+    yield from _graded(typical_m, (0.5 * WRONG_M, WRONG_M), CAUSES["low" if low else "other"], text)
 
 
 def _camera_faults(run: _Run) -> Iterator[Finding]:
@@ -270,10 +269,6 @@ def sigma_of(item: MapObject) -> float:
     return math.sqrt(max(float(item.covariance_m2[0, 0] + item.covariance_m2[1, 1]) / 2.0, 0.0))
 
 
-def _level(value: float, unreliable: float) -> Level:
-    return "unreliable" if value > unreliable else "care"
-
-
 @dataclass(frozen=True, slots=True)
 class Step:
     """One cause with its evidence. counted: whether the verdict rests on it, or faults alone name it."""
@@ -298,7 +293,7 @@ def explain(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Ve
     for fault in faults:
         if cause := cause_of(fault.kind):
             shown.setdefault(cause, []).append(printable(fault.line))
-    counted = {finding.cause for finding in verdict.findings}
+    counted = set(evidence)
     for cause, lines in shown.items():
         evidence.setdefault(cause, []).extend(lines[:3])  # more say the same
     return verdict, [Step(cause, tuple(dict.fromkeys(lines)), cause in counted) for cause, lines in evidence.items()]

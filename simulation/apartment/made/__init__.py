@@ -8,6 +8,7 @@ show as many more as its `made` gives. The generators that drew them are in this
 import json
 import lzma
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -17,7 +18,8 @@ import numpy as np
 from edgemap.simulation.apartment.made import textures
 from edgemap.simulation.apartment.made.shapes import lofts, solids
 from edgemap.simulation.apartment.made.shapes.leaves import leaves
-from edgemap.simulation.render.mesh import Material, Mesh, Part, box, quad
+from edgemap.simulation.apartment.textures import Texture
+from edgemap.simulation.render.mesh import Material, Mesh, Part, box, quad, triangles_of
 
 LIBRARY = "edgemap"
 # Kinds whose top carries other furniture.
@@ -27,12 +29,9 @@ _SHAPES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
         solids.beam, solids.rod, solids.rounded, solids.cushion, solids.padded, lofts.surface, lofts.loft, lofts.lathe,
-        lofts.sheet, box, quad, leaves,
+        lofts.sheet, box, quad, leaves, lofts.oval, lofts.raised, lofts.rectangle,
     )
 }  # fmt: skip
-_OUTLINES: dict[str, Callable[..., Any]] = {
-    function.__name__: function for function in (lofts.oval, lofts.raised, lofts.rectangle)
-}
 
 
 def made(name: str) -> Mesh:
@@ -41,10 +40,10 @@ def made(name: str) -> Mesh:
     piece = _pieces(kind)[number]
     materials = _materials(piece["materials"], [sum(map(ord, kind)), int(number)])
     parts = [part for shape in piece["shapes"] for part in _shaped(dict(shape), materials)]
-    points = np.concatenate([part.positions for part in parts]).reshape(-1, 3)
+    points = triangles_of(parts).reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     shift = -np.array([(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, low[2]])
-    return Mesh(tuple(part.moved(np.eye(3), shift) for part in parts))
+    return [part.moved(np.eye(3), shift) for part in parts]
 
 
 @cache
@@ -56,23 +55,21 @@ def _pieces(kind: str) -> dict[str, Any]:
 
 def _materials(entries: list[dict[str, Any]], seed: list[int]) -> list[Material]:
     """A piece's materials; those with one texture share it. seed: of its textures' noise, `draws` numbers on."""
-    drawn: dict[str, textures.Texture] = {}
-    for spec in (entry["texture"] for entry in entries if "texture" in entry):
-        if (key := json.dumps(spec)) not in drawn:
-            values = {name: value for name, value in spec.items() if name not in ("of", "draws")}
-            generator = np.random.PCG64(np.random.SeedSequence(seed)).advance(spec.get("draws", 0))
-            draw = textures.DRAWN.get(spec["of"])
-            drawn[key] = draw(np.random.Generator(generator), **values) if draw else textures.leaf(**values)
-    return [
-        Material(
-            tuple(entry["colour"]),
-            drawn[json.dumps(entry["texture"])] if "texture" in entry else None,
-            entry.get("opacity", 1.0),
-            entry.get("gloss", 0.0),
-            tuple(entry.get("emission", (0.0, 0.0, 0.0))),
-        )
-        for entry in entries
-    ]
+    drawn: dict[str, Texture] = {}
+    materials = []
+    for entry in entries:
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()
+        }
+        if spec := values.pop("texture", None):
+            if (key := json.dumps(spec)) not in drawn:
+                given = {name: value for name, value in spec.items() if name not in ("of", "draws")}
+                generator = np.random.PCG64(np.random.SeedSequence(seed)).advance(spec.get("draws", 0))
+                rng = [] if spec["of"] == "leaf" else [np.random.Generator(generator)]
+                drawn[key] = textures.DRAWN[spec["of"]](*rng, **given)
+            values["texture"] = drawn[key]
+        materials.append(Material(**values))
+    return materials
 
 
 def _shaped(shape: dict[str, Any], materials: list[Material]) -> list[Part]:
@@ -86,7 +83,7 @@ def _shaped(shape: dict[str, Any], materials: list[Material]) -> list[Part]:
         else:
             shape[name] = _value(value)
     result = function(**shape)
-    parts = [result] if isinstance(result, Part) else list(result.parts if isinstance(result, Mesh) else result)
+    parts = [result] if isinstance(result, Part) else result
     parts = parts if shown is None else [parts[number] for number in shown]
     for way, *values in then:
         parts = [_THEN[way](part, *map(np.array, values)) for part in parts]
@@ -96,22 +93,15 @@ def _shaped(shape: dict[str, Any], materials: list[Material]) -> list[Part]:
 def _value(value: Any) -> Any:
     """A list of numbers as an array, {"of": outline, its arguments} as its points, a list of those as one of arrays."""
     if isinstance(value, dict):
-        return _OUTLINES[value["of"]](**{name: _value(part) for name, part in value.items() if name != "of"})
+        return _SHAPES[value["of"]](**{name: _value(part) for name, part in value.items() if name != "of"})
     if isinstance(value, list):
         return [_value(part) for part in value] if isinstance(value[0], dict) else np.array(value)
     return value
 
 
-def _scaled(part: Part, about: np.ndarray, factor: np.ndarray) -> Part:
-    return Part(part.material, about + (part.positions - about) * factor, part.normals, part.uv)
-
-
-def _flipped(part: Part) -> Part:
-    return Part(part.material, part.positions[:, ::-1], -part.normals[:, ::-1], part.uv[:, ::-1])
-
-
-def _tiled(part: Part, repeat: np.ndarray) -> Part:
-    return Part(part.material, part.positions, part.normals, part.uv * repeat)
-
-
-_THEN: dict[str, Callable[..., Part]] = {"moved": Part.moved, "scaled": _scaled, "flipped": _flipped, "uv": _tiled}
+_THEN: dict[str, Callable[..., Part]] = {
+    "moved": Part.moved,
+    "scaled": lambda part, about, factor: replace(part, positions=about + (part.positions - about) * factor),
+    "flipped": lambda part: Part(part.material, part.positions[:, ::-1], -part.normals[:, ::-1], part.uv[:, ::-1]),
+    "uv": lambda part, repeat: replace(part, uv=part.uv * repeat),
+}

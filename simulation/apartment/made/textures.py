@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edgemap.simulation.apartment.textures import Texture, noise
-from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.apartment.textures import Texture, finished, noise
 
 _PX = 128
 
@@ -26,45 +25,39 @@ def mottled(
         bands = np.arange(_PX) * stripes // _PX % 2
         both = np.maximum(bands[:, None], bands[None]) if checked else np.broadcast_to(bands, field.shape)
         field = field * np.where(both, dark, 1.0)
-    return _shading(field, white)
+    return finished(field[..., None] * white)
 
 
 def cane(rng: np.random.Generator) -> Texture:
     """Cane, rush or rattan."""
     strand = 0.45 + 0.55 * np.broadcast_to(np.abs(np.sin(np.linspace(0.0, np.pi, 8)))[:, None], (8, 8))
     cell = np.block([[strand, strand.T], [strand.T, strand]])
-    return _shading(np.tile(cell, (_PX // 16, _PX // 16)) * rng.uniform(0.9, 1.0, (_PX, _PX)), 255.0)
+    field = np.tile(cell, (_PX // 16, _PX // 16)) * rng.uniform(0.9, 1.0, (_PX, _PX))
+    return finished(field[..., None] * 255.0)
 
 
 def wicker(rng: np.random.Generator) -> Texture:
     """A basket's weave."""
     row, column = np.mgrid[0:64, 0:64]
-    return _shading(150.0 + 75.0 * ((row // 2 + column // 2) % 2) + 6.0 * noise(rng, 64, 64), 1.0)
+    field = 150.0 + 75.0 * ((row // 2 + column // 2) % 2) + 6.0 * noise(rng, 64, 64)
+    return finished(field[..., None])
 
 
 def leaf(pattern: str = "", at: float = 0.0, dark: ArrayLike = 1.0) -> Texture:
     """A leaf with a midrib. pattern: edge, middle (wide by `at`), bands (`at` radians along it) or patches keep the
     colour, the rest is darkened by factors (3,)."""
-    texels = np.full((32, 32, 4), 255, dtype=np.uint8)
     v, u = np.mgrid[0:32, 0:32] / 32.0
     shade = 0.86 + 0.14 * np.clip(np.abs(u - 0.5) * 16.0 - 0.3, 0.0, 1.0)
-    texels[..., :3] = (shade * 225.0)[..., None]
+    texels = finished((shade * 225.0)[..., None])
     if pattern:
-        where = {
+        keep = {
             "edge": np.abs(u - 0.5) > at,
             "middle": np.abs(u - 0.5) <= at,
             "bands": np.sin(v * at + 2.0 * np.sin(9.0 * u)) > 0.2,
             "patches": np.sin(14.0 * u + 5.0 * np.sin(7.0 * v)) * np.sin(17.0 * v + 3.0) > 0.2,
         }[pattern]
-        texels[..., :3] = np.where(where[..., None], texels[..., :3], texels[..., :3] * np.asarray(dark))
+        texels[..., :3] = np.where(keep[..., None], texels[..., :3], texels[..., :3] * np.asarray(dark))
     return texels
 
 
-def _shading(field: Array, white: float) -> Texture:
-    """Grey texels of a field (H, W); white: the value of 1, of 255."""
-    texels = np.full((*field.shape, 4), 255, dtype=np.uint8)
-    texels[..., :3] = np.clip(field[..., None] * white, 0.0, 255.0).astype(np.uint8)
-    return texels
-
-
-DRAWN = {"mottled": mottled, "cane": cane, "wicker": wicker}
+DRAWN = {"mottled": mottled, "cane": cane, "wicker": wicker, "leaf": leaf}

@@ -205,9 +205,9 @@ def test_evidence_that_is_joined_does_what_its_parts_do_in_turn(first, second, s
     low, high = -500, 400
 
     def function(added):
-        values = [np.array([value], np.int16) for value in (0, low, high)]
+        values = np.array([[0], [low], [high]], np.int16)
         for step in added:
-            values = after(values, [np.array([value], np.int16) for value in (step, low, high)])
+            values = after(values, np.array([[step], [low], [high]], np.int16))
         return values
 
     shift, least, most = after(function(first), function(second))

@@ -27,7 +27,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.opening import open_session
 from edgemap.runtime.frames.camera import Camera, CameraOptions, check_size, next_frame
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.program_camera import PushedCamera, frames_camera
+from edgemap.runtime.frames.program_camera import FramesCamera, PushedCamera
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera, RotatedCamera, SearchRate
 from edgemap.runtime.inputs.drives import write_drive
@@ -158,7 +158,7 @@ GREY = np.full((48, 64, 3), 128, np.uint8)
     ],
 )
 def test_an_item_of_a_programs_frames_that_cannot_be_is_named(item, text):
-    camera = frames_camera([(1.0, GREY), item])
+    camera = FramesCamera([(1.0, GREY), item])
     assert camera.read().stamp_s == 1.0
     with pytest.raises(CameraError, match=re.escape(text)):
         camera.read()
@@ -305,7 +305,7 @@ def test_what_is_stated_is_of_the_upright_pictures():
 
 def test_gravity_of_a_camera_on_its_side_points_up_in_upright_pictures():
     """Its picture's right side is up, so turning it counterclockwise (270 clockwise) makes it upright: up is -y."""
-    camera = frames_camera([np.zeros((48, 64, 3), np.uint8)], (60.0, 60.0, 31.5, 23.5), (0.6, 0.0))
+    camera = FramesCamera([np.zeros((48, 64, 3), np.uint8)])
     samples = ImuSamples(np.zeros(1), np.zeros((1, 3)), np.array([[9.81, 0.0, 0.0]]))
     camera.update_info(imu=samples)
     frame = RotatedCamera(camera, 270).read()
@@ -313,6 +313,6 @@ def test_gravity_of_a_camera_on_its_side_points_up_in_upright_pictures():
 
 
 def test_pictures_without_room_for_anything_are_one_line():
-    camera = frames_camera([np.zeros((12, 64, 3), np.uint8)], (60.0, 60.0, 31.5, 5.5), (0.6, 0.0))
+    camera = FramesCamera([np.zeros((12, 64, 3), np.uint8)])
     with pytest.raises(CameraError, match="pictures of 64x12 px, both sides must have 32 px or more"):
         check_size(camera)

@@ -15,7 +15,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.spatial_poses import planarise_camera, up_vector, upright_camera
+from edgemap.runtime.frames.spatial_poses import planarise, up_vector, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives import open_drive, write_drive, write_locobot
 
@@ -300,7 +300,7 @@ def test_any_world_axis_pitch_and_roll_give_back_the_way(pitch_deg, roll_deg, up
         world = np.eye(4)
         world[:3, :3], world[:3, 3] = world_base, (3.0, -2.0, 1.0)
         poses.append(world @ base @ lens)
-    found = planarise_camera(np.array(poses), up, mount)
+    found = planarise(np.array(poses), up, "z", mount)
     for ours, true in zip(found, way, strict=True):
         assert ours.vector() == pytest.approx(true.vector(), abs=1e-9)
     lever = np.array([mount.forward_m, mount.left_m])

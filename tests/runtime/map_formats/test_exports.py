@@ -29,7 +29,6 @@ from edgemap.runtime.outputs.map_formats.grid import (
     MAXIMUM_LIVE_CELLS,
     OCCUPIED,
     UNKNOWN,
-    CellsRule,
     grid_of,
     live_grid,
 )
@@ -127,15 +126,15 @@ def path_of(*points):
 
 
 @pytest.mark.parametrize(
-    ("trajectory", "rule", "told"),
+    ("trajectory", "cell_m", "told"),
     [
-        (path_of((0, 0), (1e6, 1e6), (-1e6, -1e6)), CellsRule(), f"cells of 0.05 m: more than {MAXIMUM_CELLS}"),
-        (path_of((0, 0), (1, 1)), CellsRule(1e-12), "cells of 1e-12 m"),
+        (path_of((0, 0), (1e6, 1e6), (-1e6, -1e6)), 0.05, f"cells of 0.05 m: more than {MAXIMUM_CELLS}"),
+        (path_of((0, 0), (1, 1)), 1e-12, "cells of 1e-12 m"),
     ],
 )
-def test_a_grid_is_counted_before_it_is_made(trajectory, rule, told):
+def test_a_grid_is_counted_before_it_is_made(trajectory, cell_m, told):
     with pytest.raises(MapError, match=told):
-        grid_of([], trajectory, rule)
+        grid_of([], trajectory, cell_m)
 
 
 def test_the_other_exporters_are_bounded_too(tmp_path):
@@ -242,7 +241,7 @@ def test_nothing_is_mirrored_or_transposed(tmp_path):
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (-7.013, 3.021), (100.5, -200.25)])
 def test_cells_lie_where_the_origin_says_to_half_a_cell(tmp_path, shift):
     room = mapped([("refrigerator", shift[0], shift[1])])  # radius 0.367 m
-    write_nav2(tmp_path / "map.yaml", grid_of(room, rule=CellsRule(cell_m=0.02)))
+    write_nav2(tmp_path / "map.yaml", grid_of(room, cell_m=0.02))
     value = served(tmp_path / "map.yaml")
     edge = 0.65 / np.sqrt(np.pi)
     for turn in np.linspace(0, 2 * np.pi, 24):
@@ -256,7 +255,7 @@ def test_an_object_on_the_way_stays_occupied_and_a_standing_robot_has_swept_its_
     values, counts = np.unique(grid.cells, return_counts=True)
     assert values.tolist() == [UNKNOWN, FREE, OCCUPIED]
     assert counts[2] * 0.05**2 == pytest.approx(0.25, rel=0.05)  # a chair's 0.5 m by 0.5 m
-    grid = grid_of([], path_of((0.0, 0.0), (0.0, 0.0)), CellsRule(cell_m=0.01, robot_width_m=1.0))
+    grid = grid_of([], path_of((0.0, 0.0), (0.0, 0.0)), 0.01, 1.0)
     assert (grid.cells == FREE).sum() * 0.01**2 == pytest.approx(np.pi / 4, rel=0.01)
     with pytest.raises(MapError, match="neither objects nor a trajectory"):
         grid_of([])
@@ -309,7 +308,7 @@ def test_zones_are_masks_of_nav2s_filters(tmp_path):
     value = masked(slow)
     assert [value(1.0, 1.0), value(3.8, 1.4), value(4.8, 1.5), value(-0.5, 1.0)] == [40, 20, 20, 0]  # the slower counts
     with pytest.raises(MapError, match="no zone 'cellar' on the map; it has hall, stairs"):
-        write_masks(tmp_path / "zones.yaml", [HALL, STAIRS], ["cellar"])
+        write_masks(tmp_path / "zones.yaml", [HALL, STAIRS], ["cellar"], {})
 
 
 def test_zones_are_polygons_of_the_vector_object_server():

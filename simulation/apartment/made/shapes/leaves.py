@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
+from edgemap.simulation.apartment.made.shapes.lofts import triangles
 from edgemap.simulation.render.mesh import Array, Material, Part
 
 # Half widths along a leaf, 0 at its base to 1 at its tip; the widest is 1.
@@ -62,14 +63,11 @@ def _part(points: Array, t: Array, material: Material) -> Part:
     """Grids (N, R, 3, 3) as one part, each half of a leaf flat across, smooth along."""
     v = np.broadcast_to(t[:, None], (len(t), 3))
     uv = np.broadcast_to(np.stack([np.broadcast_to([0.0, 0.5, 1.0], v.shape), v], axis=2), (*points.shape[:3], 2))
-    triangles, shading, coordinates = [], [], []
+    halves = []
     for left, right in pairwise(range(3)):
         corners = points[:, :, [left, right]]
         normals = np.cross(np.gradient(corners.mean(axis=2), axis=1), corners[:, :, 1] - corners[:, :, 0])
         normals = -np.repeat(normals[:, :, None], 2, axis=2)
         normals /= np.maximum(np.linalg.norm(normals, axis=3, keepdims=True), 1e-12)
-        for values, into in ((corners, triangles), (normals, shading), (uv[:, :, [left, right]], coordinates)):
-            a, b, c, d = values[:, :-1, 0], values[:, :-1, 1], values[:, 1:, 1], values[:, 1:, 0]
-            three = [np.stack(some, axis=2).reshape(-1, 3, values.shape[-1]) for some in ((a, b, c), (a, c, d))]
-            into.append(np.concatenate(three))
-    return Part(material, np.concatenate(triangles), np.concatenate(shading), np.concatenate(coordinates))
+        halves.append([triangles(values) for values in (corners, normals, uv[:, :, [left, right]])])
+    return Part(material, *map(np.concatenate, zip(*halves, strict=True)))

@@ -15,9 +15,9 @@ def grid(points: Array, normals: Array, material: Material) -> Part:
     normals = normals / np.maximum(length, 1e-9)
     rows, columns = np.meshgrid(np.linspace(0, 1, points.shape[0]), np.linspace(0, 1, points.shape[1]), indexing="ij")
     uv = np.stack([columns, rows], axis=2)
-    triangles, shading, coordinates = (_triangles(values) for values in (points, normals, uv))
-    solid = np.linalg.norm(np.cross(*(triangles[:, 1:] - triangles[:, :1]).swapaxes(0, 1)), axis=1) > 1e-12
-    return Part(material, triangles[solid], shading[solid], coordinates[solid])
+    corners, shading, coordinates = (triangles(values) for values in (points, normals, uv))
+    solid = np.linalg.norm(np.cross(*(corners[:, 1:] - corners[:, :1]).swapaxes(0, 1)), axis=1) > 1e-12
+    return Part(material, corners[solid], shading[solid], coordinates[solid])
 
 
 def surface(points: Array, material: Material, round_: bool = False, looped: bool = False) -> Part:
@@ -50,10 +50,11 @@ def normals_of(points: Array, round_: bool = False, looped: bool = False) -> Arr
     return total / np.maximum(np.linalg.norm(total, axis=2, keepdims=True), 1e-12)
 
 
-def _triangles(values: Array) -> Array:
-    """Splits each cell of a grid (R, C, D) into two counter-clockwise triangles: (2 * cells, 3, D)."""
-    sides = (values[:-1, :-1], values[:-1, 1:], values[1:, 1:], values[1:, :-1])
-    a, b, c, d = (part.reshape(-1, values.shape[2]) for part in sides)
+def triangles(values: Array) -> Array:
+    """Splits each cell of grids (..., R, C, D) into two counter-clockwise triangles: (2 * cells, 3, D)."""
+    low, high = values[..., :-1, :, :], values[..., 1:, :, :]
+    sides = (low[..., :-1, :], low[..., 1:, :], high[..., 1:, :], high[..., :-1, :])
+    a, b, c, d = (part.reshape(-1, values.shape[-1]) for part in sides)
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
@@ -106,12 +107,8 @@ def loft(rings: ArrayLike, material: Material, low: bool = True, high: bool = Tr
     It faces outwards if the rings run counter-clockwise, viewed from the last ring.
     """
     rings = np.asarray(rings, dtype=np.float64)
-    parts = [surface(rings, material, round_=True)]
-    if low:
-        parts.append(cap(rings[0, ::-1], material))
-    if high:
-        parts.append(cap(rings[-1], material))
-    return Mesh(tuple(parts))
+    ends = ([rings[0, ::-1]] if low else []) + ([rings[-1]] if high else [])
+    return [surface(rings, material, round_=True), *(cap(ring, material) for ring in ends)]
 
 
 def cap(ring: Array, material: Material) -> Part:
@@ -152,4 +149,4 @@ def sheet(middle: Array, thickness: float | Array, material: Material, behind: M
     front, back = middle + half * facing, middle - half * facing
     sides = (np.s_[0], np.s_[:, -1], np.s_[-1, ::-1], np.s_[::-1, 0])
     rims = [surface(np.stack([back[side], front[side]]), behind or material) for side in sides]
-    return Mesh((surface(front, material), surface(back[:, ::-1], behind or material), *rims))
+    return [surface(front, material), surface(back[:, ::-1], behind or material), *rims]

@@ -17,13 +17,10 @@ def rounded(low: ArrayLike, high: ArrayLike, material: Material, radius: float, 
     first, second, along = _PLANES[axis]
     edge = min(edge, size.min() / 2.0 - 1e-4)
     turn = np.linspace(0.0, np.pi / 2.0, 4)
-    insets = edge * (1.0 - np.sin(turn))
-    rises = edge * (1.0 - np.cos(turn))
+    insets, rises = edge * (1.0 - np.sin(turn)), edge * (1.0 - np.cos(turn))
+    heights = [*rises, *(size[along] - rises)[::-1]]
     rings = []
-    for inset, height in [
-        *zip(insets, rises, strict=True),
-        *zip(insets[::-1], (size[along] - rises)[::-1], strict=True),
-    ]:
+    for inset, height in zip([*insets, *insets[::-1]], heights, strict=True):
         flat = rectangle(size[first] - 2.0 * inset, size[second] - 2.0 * inset, radius - inset)
         ring = np.empty((len(flat), 3))
         ring[:, first], ring[:, second] = flat[:, 0] + middle[first], flat[:, 1] + middle[second]
@@ -52,7 +49,7 @@ def cushion(middle: ArrayLike, size: ArrayLike, material: Material, squareness: 
     )
     half = np.asarray(size, dtype=np.float64) / 2.0
     normals = np.sign(unit) * np.abs(unit) ** (squareness - 1.0) / half
-    return Mesh((grid(np.asarray(middle) + unit * half, normals, material),))
+    return [grid(np.asarray(middle) + unit * half, normals, material)]
 
 
 def padded(middle: ArrayLike, size: ArrayLike, material: Material, radius: float = 0.05, swell: float = 0.1) -> Mesh:
@@ -91,7 +88,7 @@ def padded(middle: ArrayLike, size: ArrayLike, material: Material, radius: float
     points = points + swell * points * others
     normals = normals_of(points, round_=True)
     normals[0], normals[-1] = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
-    return Mesh((grid(np.asarray(middle) + points, normals, material),))
+    return [grid(np.asarray(middle) + points, normals, material)]
 
 
 def beam(
@@ -118,7 +115,7 @@ def beam(
     length = float(np.linalg.norm(end - start))
     sides = [np.stack([low[i], low[i - 3], high[i - 3], high[i]]) for i in range(4)]
     parts = [_facet(corners, (length, size[i % 2]), material) for i, corners in enumerate(sides)]
-    return Mesh((*parts, _facet(high, size, material), _facet(low[::-1], size, material)))
+    return [*parts, _facet(high, size, material), _facet(low[::-1], size, material)]
 
 
 def _facet(corners: Array, size: tuple[float, float], material: Material) -> Part:
@@ -160,7 +157,7 @@ def rod(
     radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(path))[:, None, None]
     rings = path[:, None] + radii * (np.cos(turn) * wide + flat * np.sin(turn) * np.cross(along[:, None], wide))
     if closed:
-        return Mesh((surface(rings, material, round_=True, looped=True),))
+        return [surface(rings, material, round_=True, looped=True)]
     return loft(rings, material, low=ends, high=ends)
 
 
