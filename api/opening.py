@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.calibrate.first_pictures import earlier_guess, guess_of, guessing_frames, mount_by_depth
+from edgemap.calibrate.first_pictures import by_first_pictures, earlier_guess
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -137,19 +137,14 @@ def open_session(
         loaded = open_bundle(bundle_folder(str(bundle or usual)), usual, pace=pace, names=known)
         lens, sits = source.info.intrinsics, source.info.mount
         if (lens is None or sits is None) and (name is not None or source.info.live):
-            again, guess = name or "", None
-            frames = guessing_frames(source, lambda: open_camera(again, how))
-            measured = None if lens is None else mount_by_depth(frames, lens)[0]
-            if measured is not None:
-                source.update_info(mount=measured if height_m is None else replace(measured, height_m=height_m))
-            else:
-                guess = guess_of(frames, source, again, loaded, lens, sits, height_m)
-                warnings.warn(GuessWarning(source.info.name, len(frames), guess), stacklevel=3)
-                source.update_info(intrinsics=guess.lens, mount=guess.mount)
-            floor = _floor_of(source)
+            floor, guess, count = by_first_pictures(
+                source, lambda: open_camera(name or "", how), name or "", loaded, lens, sits, height_m
+            )
+            if guess is not None:
+                warnings.warn(GuessWarning(source.info.name, count, guess), stacklevel=3)
+            source.update_info(intrinsics=floor.intrinsics, mount=floor.mount)
         else:
-            floor = _floor_of(source)
-            given = None if camera_file is None else user_path(camera_file)
+            floor, given = _floor_of(source), None if camera_file is None else user_path(camera_file)
             guess = earlier_guess(name or "", given, source, floor, stated)
         record = {"camera_guess": guess.record()} if guess else {}
         for folder in (sink for sink in sinks if isinstance(sink, RunFolder)):

@@ -31,24 +31,44 @@ LIVE_S = 8.0  # of a live camera
 DEPTHS = 15  # live pictures with depth are enough
 
 
-def guess_of(
-    frames: Sequence[Frame],
+def by_first_pictures(
     source: Camera,
+    again: Callable[[], Camera],
     spec: str,
     bundle: Bundle,
     lens: Intrinsics | None,
     mount: Mount | None,
     height_m: float | None,
-) -> CameraGuess:
-    """The guess from these frames. spec: the source, whose file may state a focal length. lens, mount, height_m: what
-    is given, which stays. Raises CalibrationError where the pictures show no floor or an impossible mount.
+    report: Callable[[str], object] = lambda _: None,
+) -> tuple[FloorCamera, CameraGuess | None, int]:
+    """Lens and mount by a source's first pictures, and the number of these: the mount by the floor in their depth,
+    where they have any and the lens is given; else a guess.
+
+    again: opens a file again. spec: the source, whose file may state a focal length. lens, mount, height_m: what is
+    given, which stays. report: called with lines on what is done. Raises CalibrationError where the pictures show no
+    floor or an impossible mount.
     """
+    frames = guessing_frames(source, again)
+    measured, note = (None, "") if lens is None else mount_by_depth(frames, lens)
+    if note:
+        report(note)
+    if lens is not None and measured is not None:
+        measured = measured if height_m is None else replace(measured, height_m=height_m)
+        return FloorCamera(lens, measured), None, len(frames)
+    report(f"{source.info.name} does not say its {lacking_of(lens, mount, height_m)}: guessing from its first pictures")
     manifest = bundle.manifest
     detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
     pictures = [frame.image for frame in frames]
     stated = None if source.info.live else stated_focal_px(user_path(spec), *source.info.size)
     guess = guess_camera(pictures, detector, lens, mount, stated, height_m)
-    return replace(guess, quarter_turns=quarter_turns(pictures, detector))
+    guess = replace(guess, quarter_turns=quarter_turns(pictures, detector))
+    return FloorCamera(guess.lens, guess.mount), guess, len(frames)
+
+
+def lacking_of(lens: Intrinsics | None, mount: Mount | None, height_m: float | None) -> str:
+    """What is guessed, in words; empty where nothing is."""
+    tilt = "mount" if height_m is None else "pitch"
+    return " and ".join(name for name, value in (("lens", lens), (tilt, mount)) if value is None)
 
 
 def mount_by_depth(frames: Sequence[Frame], lens: Intrinsics) -> tuple[Mount | None, str]:

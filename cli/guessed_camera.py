@@ -3,6 +3,7 @@
 import math
 import shlex
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,9 +31,8 @@ def floor_camera_of(
 
     Raises UsageError, or CalibrationError where the pictures show no floor or an impossible mount.
     """
-    from edgemap.calibrate.first_pictures import earlier_guess, guess_of, guessing_frames, mount_by_depth
+    from edgemap.calibrate.first_pictures import by_first_pictures, earlier_guess
     from edgemap.cli.camera_options import read_mount_numbers
-    from edgemap.geometry.camera.floor import FloorCamera
 
     lens, mount, height_m, lacking = what_is_given(camera, source)
     if not lacking:
@@ -42,36 +42,32 @@ def floor_camera_of(
         floor = camera.floor_camera(source)
         return floor, earlier_guess(camera.camera, camera.camera_file, source, floor, stated)
     again = replace(how, realtime=False) if how else None
-    frames = guessing_frames(source, lambda: camera.open(again))
-    measured, note = (None, "") if lens is None else mount_by_depth(frames, lens)
-    if note:
-        print(note, flush=True)
-    if lens is not None and measured is not None:
-        return FloorCamera(lens, measured if height_m is None else replace(measured, height_m=height_m)), None
-    print(f"{source.info.name} does not say its {lacking}: guessing from its first pictures", flush=True)
-    guess = guess_of(frames, source, camera.camera, bundle, lens, mount, height_m)
-    print(f"guessed from {len(frames)} pictures:")
+    floor, guess, count = by_first_pictures(
+        source, lambda: camera.open(again), camera.camera, bundle, lens, mount, height_m, partial(print, flush=True)
+    )
+    if guess is None:
+        return floor, None
+    print(f"guessed from {count} pictures:")
     print("\n".join(f"  {line}" for line in guess.lines()))
     if guess.height_sigma and guess.sway_rad:
         print("  the height is the scale of the map; a tape, from floor to lens as you carry it: --mount HEIGHT_M")
     elif guess.height_sigma:
         print("  the drive corrects the height by sizes of objects; a tape, floor to lens, is exact: --mount HEIGHT_M")
     print("  edgemap calibrate measures all of it without guessing", flush=True)
-    return FloorCamera(guess.lens, guess.mount), guess
+    return floor, guess
 
 
 def what_is_given(camera: "Source", source: "Camera") -> "tuple[Intrinsics | None, Mount | None, float | None, str]":
     """Lens and mount as given, None for what a run guesses; the height, where it alone is given; and in words what is
     guessed, empty where nothing is. Raises UsageError."""
+    from edgemap.calibrate.first_pictures import lacking_of
     from edgemap.cli.camera_options import read_intrinsics, read_mount, read_mount_numbers
 
     lens = read_intrinsics(camera.intrinsics, *source.info.size) or source.info.intrinsics
     height_m, pitch_deg = read_mount_numbers(camera.mount) or (None, None)
     stated = camera.mount if pitch_deg is not None or source.info.mount is not None else None
     mount = read_mount(stated, source.info.mount)
-    tilt = "mount" if height_m is None else "pitch"
-    lacking = " and ".join(name for name, value in (("lens", lens), (tilt, mount)) if value is None)
-    return lens, mount, height_m, lacking
+    return lens, mount, height_m, lacking_of(lens, mount, height_m)
 
 
 class CameraKeeper:

@@ -2,6 +2,7 @@
 
 import shlex
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -37,10 +38,8 @@ def command(
     Ctrl-C ends it. `edgemap run --camera FILE.mcap` replays it; Foxglove and ROS 2 tools open it (docs/bags.md). A
     RealSense recording or another MCAP file as --camera is converted.
     """
-    from edgemap.bridges.ros2.recordings.facts import Facts
     from edgemap.bridges.ros2.recordings.recorder import Recorder
     from edgemap.runtime.frames.camera import CameraOptions, next_frame
-    from edgemap.runtime.frames.trajectory import Trajectory
     from edgemap.runtime.inputs.cameras.kinds import read_wheels
 
     at_least(1, frames=frames)
@@ -48,12 +47,11 @@ def command(
     track = None if wheel is None else read_wheels(wheel)
     how = CameraOptions(realtime=realtime, topics=sensor_topics(topics), depth=not without_depth)
     with source.open(how) as camera:
-        if track is None and isinstance(camera.info.wheel, Trajectory):
-            track = camera.info.wheel
         lens = read_intrinsics(source.intrinsics, *camera.info.size) or camera.info.intrinsics
-        facts = Facts(camera.info.name, lens, read_mount(source.mount, camera.info.mount), camera.info.rate_hz)
+        mount, wheels = read_mount(source.mount, camera.info.mount), track or camera.info.wheel
+        info = replace(camera.info, intrinsics=lens, mount=mount, wheel=wheels, inference=None, calibration={})
         with stop_on_signals() as stop:
-            recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=camera.info.truth)
+            recorder = Recorder(out, info, lossless=lossless)
             try:
                 with closing(recorder):
                     while (frames is None or recorder.frames < frames) and not stop.is_set():
@@ -67,7 +65,7 @@ def command(
     if not recorder.frames:
         out.unlink()
         raise RecordingError(f"{out}: stopped before the first picture, so nothing is recorded")
-    unknown = [name for name, known in (("lens", facts.intrinsics), ("mount", facts.mount)) if known is None]
+    unknown = [name for name, known in (("lens", info.intrinsics), ("mount", info.mount)) if known is None]
     print(f"{recorder.frames} pictures, {out.stat().st_size / 1e6:.1f} MB in {out}")
     if unknown:
         print(f"(its {' and '.join(unknown)} not known: give them when it is replayed, or record with --camera-file)")

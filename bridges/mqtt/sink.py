@@ -66,18 +66,17 @@ class MqttPublisher:
         self.name, self.root = "MQTT", f"edgemap/{topic_level(run.robot)}"
         self._address, self._run = f"{host}:{port}", run
         self._published: dict[str, MapObject] = {}
-        self._at: float | None = None  # wall time of the newest step
         self._identity = NO_IDENTITY
         self._asked: Future[str] | None = None  # the newest edit, until it is taken or refused
-        self._zones, self._in_zones = ZoneWatch(), dict[str, str]()  # payloads by id
-        self._picture = MapPicture(lambda data: self._publish("map", b64encode(data), retain=True))
+        self._zones, self._zone_topics = ZoneWatch(), set[str]()
+        self._picture = MapPicture(lambda data: self._retain(f"{self.root}/map", b64encode(data)))
         self._picture_timer = StreamTimer(SELDOM_S)
         self._save_timer, self._save_asked = StreamTimer(SELDOM_S), threading.Event()  # of maps that commands ask for
         self._fault, self._faults, self._state_timer = "", 0, StreamTimer(EVERY_S)
         self._state: dict[str, Any] = {}  # the newest
         self._connected, self._refused = threading.Event(), "no answer"
         self._new_connection = False
-        self._objects = threading.Lock()  # of `_published` and the retained objects, which say the same
+        self._retained, self._retaining = dict[str, str | bytes](), threading.Lock()  # what the broker keeps, by topic
         self._client = BoundedClient(CallbackAPIVersion.VERSION2, client_id=f"edgemap-{topic_level(run.robot)}")
         self._cleaned = self._cleaning = False  # of objects of an earlier run
         self._client.suppress_exceptions = True  # a message that a callback cannot read does not end the thread
@@ -106,21 +105,22 @@ class MqttPublisher:
         if self._new_connection:
             self._new_connection = False
             self._begin()
-        known, self._at = {item.id: item for item in objects}, result.at
+        known, at = {item.id: item for item in objects}, {"at": utc_text(result.at)}
         self._identity = result.annotations.identity or NO_IDENTITY
         for identity, item in known.items():
             before = self._published.get(identity)
+            if before is None or _has_changed(before, item):
+                self._published[identity] = item
+                record = object_record(item) | {"uuid": object_uuid(identity, self._identity.map_id)}
+                self._retain(self._topic_of(item), json.dumps(record))
             if before is None:
-                self._event("appeared", item)
-            elif _remembered(before) != _remembered(item) or math.dist(before.position_m, item.position_m) > MOVED_M:
-                self._publish_object(item)
+                self._event("appeared", item, at)
             for event in _news(before, item):
-                self._publish(
-                    "events", json.dumps(self._named(item) | {"event_type": event.what} | event_record(event))
-                )
+                self._event(event.what, item, event_record(event))
         for identity in [one for one in self._published if one not in known]:
-            into = result.merged.get(identity)
-            self._event("vanished", self._published[identity], **({"into": into} if into else {}))
+            item, into = self._published.pop(identity), result.merged.get(identity)
+            self._retain(self._topic_of(item), "")
+            self._event("vanished", item, at | ({"into": into} if into else {}))
         stamp_s = result.frame.stamp_s
         for event in self._zones.update(objects, result.annotations.zones, stamp_s):
             self._publish("events", json.dumps(event.record()))
@@ -149,44 +149,30 @@ class MqttPublisher:
         """Publishes that the robot is offline; its state and objects stay retained. May be called twice."""
         if self._connected.is_set():
             with suppress(ValueError, RuntimeError):  # a broker that takes nothing: the queue is full
-                self._publish("status", "offline", retain=True).wait_for_publish(PATIENCE_S)
+                self._client.publish(f"{self.root}/status", "offline", 1, retain=True).wait_for_publish(PATIENCE_S)
         self._picture.close()
         self._client.disconnect()
         self._client.loop_stop()
 
     def _begin(self) -> None:
         """A new connection: all retained messages again. Objects of an earlier run answer to `_on_message`."""
-        for topic, payload in discovery(self._run.robot, self.root).items():
-            self._client.publish(topic, payload, qos=1, retain=True)
-        self._publish("status", "online", retain=True)
+        with self._retaining:
+            self._retained |= discovery(self._run.robot, self.root) | {f"{self.root}/status": "online"}
+            for topic, payload in self._retained.items():
+                self._client.publish(topic, payload, qos=1, retain=True)
         self._client.subscribe(f"{self.root}/command", qos=1)
-        self._in_zones.clear()
-        for item in self._published.values():
-            self._publish_object(item)
         if not self._cleaned:
             self._client.subscribe([(f"{self.root}/{kind}/+", 1) for kind in REMEMBERED])
             self._cleaned = self._cleaning = True
         self._state_timer.done()
 
-    def _event(self, kind: str, item: MapObject, **more: Any) -> None:
-        if kind == "appeared":
-            self._publish_object(item)
-        else:
-            with self._objects:
-                del self._published[item.id]
-                self._publish(f"objects/{topic_level(item.id)}", "", retain=True)
-        self._publish("events", json.dumps({"event_type": kind, "at": utc_text(self._at)} | self._named(item) | more))
-
-    def _named(self, item: MapObject) -> dict[str, Any]:
-        """What an event has of its object."""
+    def _event(self, kind: str, item: MapObject, more: dict[str, Any]) -> None:
         record = {key: value for key, value in object_record(item).items() if key in ("id", "label", "x_m", "y_m")}
-        return record | {"uuid": object_uuid(item.id, self._identity.map_id)}
+        record |= {"uuid": object_uuid(item.id, self._identity.map_id), "event_type": kind}
+        self._publish("events", json.dumps(record | more))
 
-    def _publish_object(self, item: MapObject) -> None:
-        record = object_record(item) | {"uuid": object_uuid(item.id, self._identity.map_id)}
-        with self._objects:
-            self._published[item.id] = item
-            self._publish(f"objects/{topic_level(item.id)}", json.dumps(record), retain=True)
+    def _topic_of(self, item: MapObject) -> str:
+        return f"{self.root}/objects/{topic_level(item.id)}"
 
     def _publish_state(self, result: StepResult, objects: list[MapObject]) -> None:
         if self._cleaning and self._state:
@@ -208,28 +194,20 @@ class MqttPublisher:
 
     def _send_state(self) -> None:
         state = self._state | {"camera": str(self._run.camera.state), "fault_count": self._faults, "fault": self._fault}
-        self._publish("state", json.dumps(state), retain=True)
+        self._retain(f"{self.root}/state", json.dumps(state))
 
     def _publish_zones(self, result: StepResult, objects: list[MapObject]) -> None:
-        """What is in each zone, where that has changed; a zone that is gone leaves Home Assistant."""
-        now = {
-            topic_level(zone.id): (zone.name, [one.name or one.id for one in inside_polygon(objects, zone.corners_m)])
-            for zone in result.annotations.zones
-        }
-        for identity, (name, held) in now.items():
-            payload = json.dumps({"name": name, "occupied_by": held, "count": len(held)})
-            if self._in_zones.get(identity) != payload:
-                topic, config = zone_discovery(self._run.robot, self.root, identity, name)
-                self._client.publish(topic, config, qos=1, retain=True)
-                self._publish(f"zones/{identity}", payload, retain=True)
-                self._in_zones[identity] = payload
-        for identity in self._in_zones.keys() - now.keys():
-            del self._in_zones[identity]
-            self._clear_zone(identity)
-
-    def _clear_zone(self, identity: str) -> None:
-        self._client.publish(config_topic(self._run.robot, "sensor", identity), "", qos=1, retain=True)
-        self._publish(f"zones/{identity}", "", retain=True)
+        """What is in each zone; a zone that is gone leaves Home Assistant."""
+        now: dict[str, str] = {}
+        for zone in result.annotations.zones:
+            identity = topic_level(zone.id)
+            held = [one.name or one.id for one in inside_polygon(objects, zone.corners_m)]
+            state = {"name": zone.name, "occupied_by": held, "count": len(held)}
+            now |= [zone_discovery(self._run.robot, self.root, identity, zone.name)]
+            now[f"{self.root}/zones/{identity}"] = json.dumps(state)
+        for topic, payload in (dict.fromkeys(self._zone_topics - now.keys(), "") | now).items():
+            self._retain(topic, payload)
+        self._zone_topics = set(now)
 
     def _save(self, result: StepResult, objects: list[MapObject]) -> None:
         """Writes the map to a file of its own in the run folder. Raises MapError."""
@@ -237,8 +215,17 @@ class MqttPublisher:
         path = self._run.folder / f"map-{result.frame.index:06d}.json"
         save_map(path, *scaled_map(objects, annotations, result.grid, result.scale))
 
-    def _publish(self, topic: str, payload: str | bytes, retain: bool = False):
-        return self._client.publish(f"{self.root}/{topic}", payload, qos=1, retain=retain)
+    def _publish(self, topic: str, payload: str) -> None:
+        self._client.publish(f"{self.root}/{topic}", payload, qos=1)
+
+    def _retain(self, topic: str, payload: str | bytes) -> None:
+        """Publishes what the broker keeps under a whole topic, where that has changed; empty: no longer."""
+        with self._retaining:
+            if self._retained.get(topic, "") != payload:
+                self._retained[topic] = payload
+                if not payload:
+                    del self._retained[topic]
+                self._client.publish(topic, payload, qos=1, retain=True)
 
     # On the client's thread.
 
@@ -265,19 +252,17 @@ class MqttPublisher:
                 self._asked = self._run.edits.submit(Edit("pose", "dock"))
             return
         kind, _, identity = message.topic.removeprefix(f"{self.root}/").partition("/")
-        if not message.retain or not message.payload:
-            return
-        if kind == "zones" and identity not in self._in_zones:
-            self._clear_zone(identity)
-        with self._objects:
-            published = {topic_level(identity) for identity in self._published}
-            if kind == "objects" and identity not in published:
+        with self._retaining:
+            if kind in REMEMBERED and message.retain and message.payload and message.topic not in self._retained:
                 client.publish(message.topic, "", qos=1, retain=True)
+                if kind == "zones":
+                    client.publish(config_topic(self._run.robot, "sensor", identity), "", qos=1, retain=True)
 
 
-def _remembered(item: MapObject) -> tuple[object, ...]:
-    """What a person has edited of an object, and its history."""
-    return item.label, item.name, item.confirmed, item.corrected, item.history
+def _has_changed(before: MapObject, item: MapObject) -> bool:
+    """Whether a person has edited an object, or its history or place is another."""
+    new, old = ((one.label, one.name, one.confirmed, one.corrected, one.history) for one in (item, before))
+    return new != old or math.dist(before.position_m, item.position_m) > MOVED_M
 
 
 def _news(before: MapObject | None, item: MapObject) -> list[MapEvent]:

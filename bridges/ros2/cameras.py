@@ -5,41 +5,31 @@ from typing import TYPE_CHECKING
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, CameraOptions, SensorTopics
 from edgemap.runtime.frames.reading import user_path
+from edgemap.runtime.inputs.cameras.kinds import CameraKind, FileKind
 
 if TYPE_CHECKING:
     from edgemap.runtime.frames.trajectory import Trajectory
 
 
-class TopicKind:
+class TopicKind(CameraKind):
     """`ros2:/topic`, with depth from another topic. `ros2 topic list` shows the topics."""
 
     def open(self, address: str, how: CameraOptions) -> Camera:
         """Subscribes. Raises CameraError where nobody publishes pictures there, Ros2Error or MissingExtraError."""
         from edgemap.bridges.ros2.dds.camera import Ros2Camera
-        from edgemap.bridges.ros2.dds.depth import DepthTopic
         from edgemap.bridges.ros2.dds.node import shared_node
 
-        node = shared_node()
-        depth = DepthTopic(node, how.topics.depth) if how.depth else None
-        return Ros2Camera(node, address, how.intrinsics, how.mount, how.recovery, depth, how.rotate)
-
-    def found(self) -> list[tuple[str, str]]:
-        """Topics are not searched for: `ros2 topic list` shows them."""
-        return []
+        return Ros2Camera(shared_node(), address, how)
 
 
-class RecordingKind:
+class RecordingKind(FileKind):
     """`FILE.mcap[#/topic]`: ours, or a bag of ROS 2."""
 
     def open(self, address: str, how: CameraOptions) -> Camera:
         """Opens the file. Raises CameraError."""
-        from edgemap.bridges.ros2.recordings.camera import RecordingCamera
+        from edgemap.bridges.ros2.recordings.camera import recording_camera
 
-        return RecordingCamera(address, how.intrinsics, how.mount, how.topics, how.depth, how.rotate)
-
-    def found(self) -> list[tuple[str, str]]:
-        """Files are not searched for."""
-        return []
+        return recording_camera(address, how)
 
     def wheels(self, address: str) -> "Trajectory":
         """The wheels' poses in the file. Raises CameraError."""

@@ -15,7 +15,7 @@ from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, shared_n
 from edgemap.bridges.ros2.dds.sources import RobotOdom
 from edgemap.bridges.ros2.dds.types import in_namespace
 from edgemap.bridges.ros2.messages import build, topics
-from edgemap.bridges.ros2.messages.definitions import RosClock, to_ns
+from edgemap.bridges.ros2.messages.definitions import RosClock
 from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics, label_info
 from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
 from edgemap.bridges.ros2.messages.topics import FrameIds
@@ -102,9 +102,9 @@ class Ros2Sink(Sink):
         self._options, self._run = options, run
         self._diagnostics = RunDiagnostics(options.namespace.strip("/") or NAMESPACE, run.robot)
         self._diagnosed_s = -math.inf
-        self._robot_odom = None if options.odom_tf else RobotOdom(node, options.frames)
+        odom = None if options.odom_tf else RobotOdom(node, options.frames)
         lens, mount = run.floor.intrinsics, run.floor.mount
-        self._stream = MessageStream(lens, mount, options.frames, static_mount=True, robot_odom=self._robot_odom)
+        self._stream = MessageStream(lens, mount, options.frames, static_mount=True, robot_odom=odom)
         self._publishers = {topic: self._publisher(node, topic) for topic in options.published}
         self._asked: Future[str] | None = None  # the newest pose, until it is taken or refused
         self._goals: deque[SE2] = deque(maxlen=8)
@@ -120,11 +120,8 @@ class Ros2Sink(Sink):
         self._take_pose()
         while self._goals:
             self._goal.write(build.goal_pose(self._goals.popleft(), self._options.frames.map, time.time_ns()))
-        offset_s = self._clock.offset_s(result.frame.stamp_s, sum(result.stages_ms.values()) / 1e3)
-        if self._robot_odom is not None:
-            self._robot_odom.offset_s = offset_s
-        stamp_ns = to_ns(result.frame.stamp_s + offset_s)
-        self._send(self._stream.step(result, objects, stamp_ns))
+        self._stream.offset_s = self._clock.offset_s(result.frame.stamp_s, sum(result.stages_ms.values()) / 1e3)
+        self._send(self._stream.step(result, objects))
         self._diagnostics.step(result)
         if time.monotonic() - self._diagnosed_s >= EVERY_S:  # as diagnostic_updater
             self._diagnose()
@@ -135,8 +132,8 @@ class Ros2Sink(Sink):
 
     def last(self, result: StepResult, objects: list[MapObject]) -> None:
         """Publish the boxes that came after the last frame, and the map. Raises Ros2Error."""
-        offset_s = self._clock.offset_s(result.frame.stamp_s)
-        self._send(self._stream.last(result, objects, to_ns(result.frame.stamp_s + offset_s)))
+        self._stream.offset_s = self._clock.offset_s(result.frame.stamp_s)
+        self._send(self._stream.last(result, objects))
 
     def _send(self, messages: Iterable[Outgoing]) -> None:
         for outgoing in messages:

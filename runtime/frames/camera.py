@@ -2,8 +2,8 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -157,6 +157,45 @@ class Camera:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+
+class Shot(NamedTuple):
+    """A picture of a finite source: BGR, (H, W, 3). depth: (H, W) metres of its pixels, why there is none, or what
+    gives either by the lens, None where that is unknown. search: as of a `Frame`."""
+
+    image: NDArray[np.uint8]
+    stamp_s: float
+    name: str
+    depth: NDArray[np.float32] | str | Callable[[Intrinsics | None], NDArray[np.float32] | str | None] | None = None
+    search: bool = True
+
+
+Shots = Iterator[Shot | CameraFault]
+
+
+class FileCamera(Camera):
+    """A finite source. shots: its pictures in order, with a fault in place of each that is skipped; what they raise
+    ends it. resources: closed with it."""
+
+    def __init__(self, info: CameraInfo, shots: Shots, resources: ExitStack | None = None) -> None:
+        super().__init__(info)
+        self._shots, self._resources = shots, resources or ExitStack()
+
+    def read(self) -> Frame | None:
+        """The next picture; None after the last. Raises CameraFault for one that is skipped, and CameraError where the
+        source is damaged."""
+        shot = next(self._shots, None)
+        if shot is None:
+            return None
+        if isinstance(shot, CameraFault):
+            raise shot
+        depth = shot.depth(self.info.intrinsics) if callable(shot.depth) else shot.depth
+        return replace(self.frame(shot.image, shot.stamp_s, shot.name, depth), search=shot.search)
+
+    def close(self) -> None:
+        """Deliver nothing more."""
+        self._shots = iter(())
+        self._resources.close()
 
 
 LEAST_SIDE_PX = 32  # of a picture: a box of 24 px is the smallest that counts

@@ -11,7 +11,7 @@ from support import painted
 from support.recordings import noise, record
 from support.refusal import refused
 
-from edgemap.bridges.ros2.recordings.facts import Facts
+from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.errors import BundleError, OdometryError
 from edgemap.runtime.inputs.cameras.kinds import recorded_from
 from edgemap.runtime.network.bundle import load_bundle
@@ -167,7 +167,7 @@ def test_rendered_pictures_and_those_of_a_lens_get_the_bundle_that_was_trained_f
 
 @pytest.mark.parametrize(("camera", "expected"), [("demo", RENDERED), ("sim:4", RENDERED), ("realsense", LENS)])
 def test_a_recording_gets_the_bundle_of_what_was_recorded(tmp_path, camera, expected):
-    tape = record(tmp_path / "a.mcap", Facts(camera), noise(2))
+    tape = record(tmp_path / "a.mcap", CameraInfo(camera), noise(2))
     assert default_bundle(recorded_from(f"{tape}#/camera"))[0] == expected
 
 

@@ -1,22 +1,22 @@
 """Small recordings for tests: pictures of noise, a lens and a mount with no number that is nought."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from mcap.writer import Writer
 
 from edgemap.bridges.ros2.messages.definitions import definition, encoder
-from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.camera import Camera, CameraInfo
 from edgemap.runtime.frames.frame import Frame
 
 BENT = Distortion("inverse_brown_conrady", (-0.05, 0.06, 0.0009, -0.0006, -0.02))
 LENS = Intrinsics(64, 48, 58.25, 58.5, 31.4, 23.6, BENT)
 MOUNT = Mount.from_degrees(0.6, 11.5, 1.25, 0.15, -0.02)
-FACTS = Facts("test", LENS, MOUNT, 10.0)
+FACTS = CameraInfo("test", intrinsics=LENS, mount=MOUNT, rate_hz=10.0)
 
 
 def noise(count: int) -> list[Frame]:
@@ -26,8 +26,8 @@ def noise(count: int) -> list[Frame]:
     return [Frame(i, 1.7e9 + i / 30, picture, f"noise#{i}") for i, picture in enumerate(pictures)]
 
 
-def record(path: Path, facts: Facts, frames: list[Frame], **options) -> Path:
-    recorder = Recorder(path, facts, **options)
+def record(path: Path, info: CameraInfo, frames: list[Frame], lossless: bool = False, **tracks) -> Path:
+    recorder = Recorder(path, replace(info, **tracks), lossless=lossless)
     try:
         for frame in frames:
             recorder.picture(frame)

@@ -3,13 +3,13 @@ with wheels or an IMU on ROS 2 topics."""
 
 import time
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.bridges.ros2.dds.depth import DepthTopic
-from edgemap.bridges.ros2.dds.node import Node, Subscription
+from edgemap.bridges.ros2.dds.node import Node, Subscription, wait_for
 from edgemap.bridges.ros2.dds.sources import WAIT_S, TfListener, WheelTopic
 from edgemap.bridges.ros2.dds.tf_poses import live_tf_poses
 from edgemap.bridges.ros2.messages.definitions import RosClock, ns_of, to_s
@@ -18,8 +18,7 @@ from edgemap.bridges.ros2.recordings.foreign import FLOOR_FRAME, info_topics, le
 from edgemap.bridges.ros2.recordings.pictures import PICTURE_KINDS
 from edgemap.bridges.ros2.recordings.reading import short
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import Camera, CameraOptions, Driver, Picture, RecoveryRule, SensorTopics
+from edgemap.runtime.frames.camera import Camera, CameraOptions, Driver, Picture, SensorTopics
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.limits import EVERY_S, TICK_S
@@ -29,32 +28,41 @@ from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 
 
-class Ros2Device:
-    """A subscription to a topic with pictures, open since its first picture, and to depth. Stamps are the messages'.
+class Ros2Topic(Driver):
+    """A topic with pictures, and depth beside them: the driver, and while it is open the device, which is open since
+    its first picture. Stamps are the messages'. frame_id: as the first message names its frame."""
 
-    Raises CameraError where no such topic is published, or no picture arrives.
-    """
+    size: tuple[int, int]
+    intrinsics: Intrinsics | None
+    rate_hz: float | None = None
+    frame_id: str
 
-    def __init__(self, node: Node, topic: str, name: str, depth: DepthTopic | None = None) -> None:
-        self.rate_hz: float | None = None
-        self._name, self._depth = name, depth
-        kind = node.kind_of(topic, WAIT_S)
+    def __init__(self, node: Node, topic: str, depth: DepthTopic | None = None) -> None:
+        self.name = f"ros2:{topic}"
+        self._node, self._topic, self._depth = node, topic, depth
+
+    def open(self) -> Self:
+        """Subscribe. Raises CameraError where no such topic is published, or no picture arrives."""
+        kind = self._node.kind_of(self._topic, WAIT_S)
         if kind is None or short(kind) not in PICTURE_KINDS:
-            published = sorted(node.published().items())
+            published = sorted(self._node.published().items())
             others = ", ".join(name for name, known in published if short(known) in PICTURE_KINDS) or "none"
-            what = f"{topic} is {kind}, not pictures" if kind else f"nobody publishes {topic}"
-            raise CameraError(f"camera {name}: {what} within {WAIT_S:.0f} s (topics with pictures: {others})")
+            what = f"{self._topic} is {kind}, not pictures" if kind else f"nobody publishes {self._topic}"
+            raise CameraError(f"camera {self.name}: {what} within {WAIT_S:.0f} s (topics with pictures: {others})")
         self._decode = PICTURE_KINDS[short(kind)]
         # Asked for before the first picture, so that they come beside it.
-        infos = [node.subscription(info, KINDS[INFO]) for info in info_topics(topic)]
-        self._pictures = node.subscription(topic, kind, depth=2)
+        infos = [self._node.subscription(info, KINDS[INFO]) for info in info_topics(self._topic)]
+        self._pictures = self._node.subscription(self._topic, kind, depth=2)
         self._first = self._next(WAIT_S)
         if self._first is None:
-            raise CameraError(f"camera {name}: no picture on {topic} within {WAIT_S:.0f} s")
+            raise CameraError(f"camera {self.name}: no picture on {self._topic} within {WAIT_S:.0f} s")
         _, image, self.frame_id = self._first
         self.size = (image.shape[1], image.shape[0])
-        info = _first_of(infos, EVERY_S)
-        self.intrinsics: Intrinsics | None = lens_of(info, topic, name, self.size) if info else None
+        info = wait_for(
+            lambda: next((message for one in infos if (message := one.newest()) is not None), None), EVERY_S
+        )
+        self.intrinsics = lens_of(info, self._topic, self.name, self.size) if info else None
+        return self
 
     def grab(self) -> Picture | None:
         """The newest picture; None where none came. Raises CameraError or Ros2Error for one that is damaged."""
@@ -75,51 +83,25 @@ class Ros2Device:
         if message is None:
             return None
         stamp_s = to_s(ns_of(message.header.stamp)) or time.time()
-        return stamp_s, self._decode(message, self._name), message.header.frame_id
-
-
-class Ros2Driver(Driver):
-    """Opens the topic of a SPEC `ros2:/topic`."""
-
-    def __init__(self, node: Node, topic: str, depth: DepthTopic | None = None) -> None:
-        self.name = f"ros2:{topic}"
-        self.frame_id = ""
-        self._node, self._topic, self._depth = node, topic, depth
-        self._tf = TfListener(node, self.name)
-
-    def open(self) -> Ros2Device:
-        """Subscribe. Raises CameraError as `Ros2Device` does."""
-        device = Ros2Device(self._node, self._topic, self.name, self._depth)
-        self.frame_id = device.frame_id
-        return device
-
-    def mount(self, rotate: int) -> Mount | None:
-        """Mount of the pictures' frame, as of `mount_of`, whose text is printed. Raises CameraError."""
-        self._tf.ask(lambda tree: tree.pose(FLOOR_FRAME, self.frame_id))
-        mount, text = self._tf.ask(lambda tree: mount_of(tree, self.frame_id, rotate)) or (None, "")
-        if text:
-            print_message(f"{self.name}: {text}")
-        return mount
+        return stamp_s, self._decode(message, self.name), message.header.frame_id
 
 
 class Ros2Camera(LiveCamera):
-    """A topic with pictures as a live camera. optical: the frame that its messages name."""
+    """A topic with pictures as a live camera. optical: the frame that its messages name. Raises CameraError as the
+    topic does, and for an invalid transform."""
 
-    def __init__(
-        self,
-        node: Node,
-        topic: str,
-        intrinsics: Intrinsics | None = None,
-        mount: Mount | None = None,
-        rule: RecoveryRule | None = None,
-        depth: DepthTopic | None = None,
-        rotate: int = 0,
-    ) -> None:
-        driver = Ros2Driver(node, topic, depth)
-        super().__init__(driver, CameraOptions(intrinsics, mount, recovery=rule))
-        self.optical = driver.frame_id
-        tf = live_tf_poses(node, driver.name, lambda: -self.clock_offset_s)
-        self.update_info(mount=mount or driver.mount(rotate), tf=tf)
+    def __init__(self, node: Node, topic: str, how: CameraOptions = CameraOptions()) -> None:  # noqa: B008
+        device = Ros2Topic(node, topic, DepthTopic(node, how.topics.depth) if how.depth else None)
+        listener = TfListener(node, device.name)
+        super().__init__(device, how)
+        self.optical = optical = device.frame_id
+        self.update_info(tf=live_tf_poses(node, device.name, lambda: -self.clock_offset_s))
+        if how.mount is None:
+            listener.ask(lambda tree: tree.pose(FLOOR_FRAME, optical))
+            mount, text = listener.ask(lambda tree: mount_of(tree, optical, how.rotate)) or (None, "")
+            if text:
+                print_message(f"{device.name}: {text}")
+            self.update_info(mount=mount)
 
 
 class Ros2SensorsCamera(CameraAround):
@@ -132,28 +114,27 @@ class Ros2SensorsCamera(CameraAround):
         super().__init__(camera)
         by_ros = isinstance(camera, Ros2Camera)
         self._clock = RosClock((lambda: -camera.clock_offset_s) if by_ros else None)
-        self._wheels = WheelTopic(node, topics.wheels) if topics.wheels is not None else None
-        self.update_info(wheel=self._wheels or camera.info.wheel)
-        self._buffer = self._samples = None
+        self._offset_s = 0.0
+        if topics.wheels is not None:
+            self.update_info(wheel=WheelTopic(node, topics.wheels, lambda: self._offset_s))
+        self._imu: tuple[Subscription, ImuBuffer] | None = None
         if topics.imu is not None:
-            self._samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)
-            self._buffer = ImuBuffer(
-                _rotation(node, topics.imu, self._samples, camera.optical if by_ros else topics.optical)
-            )
+            samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)
+            optical = camera.optical if by_ros else topics.optical
+            self._imu = samples, ImuBuffer(_rotation(node, topics.imu, samples, optical))
 
     def read(self) -> Frame | None:
         """The next frame of the camera behind, with the samples up to its stamp."""
         frame = super().read()
         if frame is None:
             return None
-        offset_s = self._clock.offset_s(frame.stamp_s)
-        if self._wheels is not None:
-            self._wheels.offset_s = offset_s
-        if self._buffer is None or self._samples is None:
+        self._offset_s = self._clock.offset_s(frame.stamp_s)
+        if self._imu is None:
             return frame
-        for message in self._samples.take():
-            push_message(self._buffer, message, to_s(ns_of(message.header.stamp)) - offset_s)
-        return replace(frame, imu=self._buffer.take(frame.stamp_s))
+        samples, buffer = self._imu
+        for message in samples.take():
+            push_message(buffer, message, to_s(ns_of(message.header.stamp)) - self._offset_s)
+        return replace(frame, imu=buffer.take(frame.stamp_s))
 
 
 def _rotation(node: Node, imu: str, samples: Subscription, optical: str) -> NDArray[np.float64]:
@@ -166,14 +147,4 @@ def _rotation(node: Node, imu: str, samples: Subscription, optical: str) -> NDAr
     pose = listener.ask(lambda tree: tree.pose(optical, frame))
     if pose is None:
         raise CameraError(f"ros2:{imu}: tf does not join its frame ({frame}) to the pictures' ({optical})")
-    return pose[0]
-
-
-def _first_of(readers: list[Subscription], timeout_s: float) -> Any | None:
-    """The first message on any of them."""
-    until_s = time.monotonic() + timeout_s
-    while time.monotonic() < until_s:
-        for reader in readers:
-            if reader.wait(0.01) and (message := reader.newest()) is not None:
-                return message
-    return None
+    return pose[:3, :3]

@@ -42,10 +42,8 @@ class DepthTopic:
         messages = self._messages or self._open()
         if messages is None:
             return f"{self._topic} is {self._kind or 'not published'}, no depth" if self._topic else None
-        until_s = time.monotonic() + (LATE_S if self._came else 0.0)
-        self._take(messages)
-        while self._newest_s() < stamp_s - APART_S and messages.wait(until_s - time.monotonic()):
-            self._take(messages)
+        for message in messages.take_while(lambda: not self._reaches(stamp_s), LATE_S if self._came else 0.0):
+            self._waiting.append((to_s(ns_of(message.header.stamp)), message))
         while self._waiting and self._waiting[0][0] < stamp_s - APART_S:
             self._waiting.popleft()
         self._came = bool(self._waiting) and self._waiting[0][0] <= stamp_s + APART_S
@@ -80,11 +78,9 @@ class DepthTopic:
         self._messages = self._node.subscription(topic, self._kind.replace("/", "/msg/"), depth=KEPT)
         return self._messages
 
-    def _take(self, messages: Subscription) -> None:
-        self._waiting.extend((to_s(ns_of(message.header.stamp)), message) for message in messages.take())
-
-    def _newest_s(self) -> float:
-        return self._waiting[-1][0] if self._waiting else -1.0
+    def _reaches(self, stamp_s: float) -> bool:
+        """Whether a depth picture of a colour picture's stamp, or a later one, has come."""
+        return bool(self._waiting) and self._waiting[-1][0] >= stamp_s - APART_S
 
     def _of(self, lens: Intrinsics | None) -> bool:
         """Whether depth is of this lens, as far as its CameraInfo says."""

@@ -2,10 +2,10 @@
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from enum import StrEnum
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
 from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, ros_kind, sample_type
@@ -13,6 +13,7 @@ from edgemap.bridges.ros2.messages.definitions import DAMAGE, Message, decoder, 
 from edgemap.runtime.frames.errors import Ros2Error
 from edgemap.runtime.frames.extras import need
 
+Answer = TypeVar("Answer")
 BLOCK_MS = 5  # a reliable writer waits this long for slow readers, then drops the message
 
 
@@ -85,6 +86,13 @@ class Subscription:
             except DAMAGE:
                 continue
 
+    def take_while(self, wanted: Callable[[], bool], timeout_s: float) -> Iterator[Any]:
+        """As of `take`, and, while more are wanted, those that come within the time."""
+        until_s = time.monotonic() + timeout_s
+        yield from self.take()
+        while wanted() and self.wait(until_s - time.monotonic()):
+            yield from self.take()
+
     def newest(self) -> Any | None:
         """The newest received message, if any; older ones are not decoded. Raises Ros2Error if it is damaged."""
         samples = self._samples()
@@ -147,10 +155,15 @@ class Node:
 
     def kind_of(self, topic: str, timeout_s: float) -> str | None:
         """Waits until a topic is published and returns its type; None if it is not published within the time."""
-        until_s = time.monotonic() + timeout_s
-        while (kind := self.published().get(topic)) is None and time.monotonic() < until_s:
-            time.sleep(0.02)
-        return kind
+        return wait_for(lambda: self.published().get(topic), timeout_s)
+
+
+def wait_for(answer: Callable[[], Answer | None], timeout_s: float) -> Answer | None:
+    """The first answer that is not None; None where there is none within the time."""
+    until_s = time.monotonic() + timeout_s
+    while (found := answer()) is None and time.monotonic() < until_s:
+        time.sleep(0.02)
+    return found
 
 
 @cache

@@ -1,13 +1,12 @@
 """Live tf, wheel odometry and inertial samples on ROS 2 topics, beside any camera."""
 
-import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TypeVar
+from typing import Any
 
-from edgemap.bridges.ros2.dds.node import Node, Reliability, Subscription
+from edgemap.bridges.ros2.dds.node import Answer, Node, Reliability, Subscription, wait_for
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
-from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar, planar_pose
+from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar
 from edgemap.bridges.ros2.messages.topics import KINDS, TF, TF_STATIC, WHEEL, FrameIds
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
@@ -15,7 +14,6 @@ from edgemap.runtime.frames.trajectory import GrowingTrack
 
 WAIT_S = 6.0  # for what somebody publishes: Fast DDS announces latched topics to late readers every 3 s
 LATE_S = 0.05  # how long a step waits for the wheels' pose of its own stamp, or its picture's depth
-Answer = TypeVar("Answer")
 
 
 class TfListener:
@@ -31,22 +29,20 @@ class TfListener:
         """Waits for an answer from the tree; None where there is none in time. Raises CameraError for an invalid
         transform.
         """
-        until_s = time.monotonic() + WAIT_S
-        while True:
+
+        def answer() -> Answer | None:
             for topic in self._topics:
                 for message in topic.take():
                     self._tree.add(message)
-            answer = question(self._tree)
-            if answer is not None or time.monotonic() > until_s:
-                return answer
-            time.sleep(0.02)
+            return question(self._tree)
+
+        return wait_for(answer, WAIT_S)
 
 
 class RobotOdom:
-    """odom -> base as it comes on /tf. Called with a stamp of the stream, s. offset_s: from there to ROS time."""
+    """odom -> base as it comes on /tf. Called with a stamp in ROS time, s."""
 
     def __init__(self, node: Node, frames: FrameIds) -> None:
-        self.offset_s = 0.0
         self._frames, self._track = frames, GrowingTrack()
         self._tf = node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500)
 
@@ -60,42 +56,41 @@ class RobotOdom:
                         pose = planar(moved.translation, moved.rotation, TF)
                         self._track.push(to_s(ns_of(step.header.stamp)), pose)
         try:
-            return self._track.at(stamp_s + self.offset_s)
+            return self._track.at(stamp_s)
         except OdometryError:
             return None
 
 
 class TopicTrack(GrowingTrack):
-    """Poses of a topic, looked up by stamps of the stream, s. A subclass takes its messages to `push`."""
+    """Poses of a topic, looked up by stamps of the stream, s. offset_s: from there to ROS time. A subclass adds
+    its messages by `push`."""
 
-    def __init__(self, messages: Subscription) -> None:
+    def __init__(self, messages: Subscription, offset_s: Callable[[], float]) -> None:
         super().__init__()
-        self._messages = messages
+        self._messages, self.offset_s = messages, offset_s
 
     def at(self, stamp_s: float, tolerance_s: float = 0.0) -> SE2:
         """The pose as of a GrowingTrack, after waiting up to `LATE_S` for messages."""
-        until_s = time.monotonic() + LATE_S
-        self._take()
-        while self._newest_s < stamp_s and self._messages.wait(until_s - time.monotonic()):
-            self._take()
+        for message in self._messages.take_while(lambda: self._newest_s < stamp_s, LATE_S):
+            self._add(message)
         return super().at(stamp_s, tolerance_s)
 
-    def _take(self) -> None:
+    def _add(self, message: Any) -> None:
         raise NotImplementedError
 
 
 class WheelTopic(TopicTrack):
-    """nav_msgs/Odometry of the wheels. offset_s: from stamps of the stream to ROS time."""
+    """nav_msgs/Odometry of the wheels."""
 
-    def __init__(self, node: Node, topic: str) -> None:
-        super().__init__(node.subscription(topic, KINDS[WHEEL], depth=500))
-        self._name, self.offset_s = f"ros2:{topic}", 0.0
+    def __init__(self, node: Node, topic: str, offset_s: Callable[[], float]) -> None:
+        super().__init__(node.subscription(topic, KINDS[WHEEL], depth=500), offset_s)
+        self._name = f"ros2:{topic}"
 
     def __str__(self) -> str:
         return self._name
 
-    def _take(self) -> None:
-        for message in self._messages.take():
-            with suppress(CameraError):  # invalid poses are ignored
-                pose = planar_pose(message.pose.pose, self._name)
-                self.push(to_s(ns_of(message.header.stamp)) - self.offset_s, pose)
+    def _add(self, message: Any) -> None:
+        pose = message.pose.pose
+        with suppress(CameraError):  # invalid poses are ignored
+            planar_pose = planar(pose.position, pose.orientation, self._name)
+            self.push(to_s(ns_of(message.header.stamp)) - self.offset_s(), planar_pose)

@@ -1,9 +1,8 @@
 """`--odometry tf` beside a live camera: the base's poses by a running SLAM's tf, and its corrections."""
 
-import time
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import reduce
@@ -25,7 +24,7 @@ from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.limits import EVERY_S
-from edgemap.runtime.frames.spatial_poses import attitudes_of, pose_of
+from edgemap.runtime.frames.spatial_poses import attitudes_of
 from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import MAXIMUM
@@ -35,14 +34,14 @@ RECENT = 50  # poses with tilt that are kept: those about a picture
 
 
 class TfTrack(TopicTrack):
-    """Poses of the base in the frame below the map's (odom), as they come. offset_s: from stamps of the stream to ROS
-    time. map_odom: the newest transform from the map to there, (4, 4); the identity where the SLAM has no such frame.
-    recent: stamps and poses (4, 4) in the map. restarts: of the odometry."""
+    """Poses of the base in the frame below the map's (odom), as they come. map_odom: the newest transform from the map
+    to there, (4, 4); the identity where the SLAM has no such frame. recent: stamps and poses (4, 4) in the map.
+    restarts: of the odometry."""
 
     def __init__(self, node: Node, frames: TfFrames, offset_s: Callable[[], float]) -> None:
-        super().__init__(node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500))
+        super().__init__(node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500), offset_s)
         self._static = node.subscription(TF_STATIC, KINDS[TF_STATIC], Reliability.LATCHED, depth=100)
-        self._frames, self.offset_s = frames, offset_s
+        self._frames = frames
         self._parents, self._links = dict[str, str](), dict[str, Array]()
         self._chain: list[str] = []
         self.recent = deque[tuple[float, Array]](maxlen=RECENT)
@@ -55,13 +54,11 @@ class TfTrack(TopicTrack):
 
     def join(self) -> None:
         """Waits for the frames and a first pose. Raises CameraError where there is none in time."""
-        until_s = time.monotonic() + WAIT_S
-        while not self._stamps:
-            self._take()
-            if time.monotonic() > until_s:
-                self._frames.chain(self._parents)
-                raise CameraError(f"{TF}: no pose of {self._chain[-1]} within {WAIT_S:.0f} s")
-            self._messages.wait(0.05)
+        for message in self._messages.take_while(lambda: not self._stamps, WAIT_S):
+            self._add(message)
+        if not self._stamps:
+            self._frames.chain(self._parents)
+            raise CameraError(f"{TF}: no pose of {self._chain[-1]} within {WAIT_S:.0f} s")
 
     def push(self, stamp_s: float, pose: SE2) -> None:
         """As of a GrowingTrack."""
@@ -70,22 +67,21 @@ class TfTrack(TopicTrack):
         self.restarts += self._restarted
         self._restarted |= restarted
 
-    def _take(self) -> None:
-        for message in self._static.take():
-            self._links |= self._found(message)
-        for message in self._messages.take():
-            found = self._found(message)
-            self._links |= found
-            if not self._chain:
-                with suppress(CameraError):
-                    self._chain = self._frames.chain(self._parents)
-            below = self._chain[1:] or self._chain
-            if below and found.keys() & set(below) and all(child in self._links for child in self._chain):
-                stamps_ns = [ns_of(step.header.stamp) for step in message.transforms if _child(step) in below]
-                pose = reduce(np.matmul, [self._links[child] for child in below])
-                stamp_s = to_s(max(stamps_ns)) - self.offset_s()
-                self.recent.append((stamp_s, self.map_odom @ pose))
-                self.push(stamp_s, planar_of(pose))
+    def _add(self, message: Any) -> None:
+        for latched in self._static.take():
+            self._links |= self._found(latched)
+        found = self._found(message)
+        self._links |= found
+        if not self._chain:
+            with suppress(CameraError):
+                self._chain = self._frames.chain(self._parents)
+        below = self._chain[1:] or self._chain
+        if below and found.keys() & set(below) and all(child in self._links for child in self._chain):
+            stamps_ns = [ns_of(step.header.stamp) for step in message.transforms if _child(step) in below]
+            pose = reduce(np.matmul, [self._links[child] for child in below])
+            stamp_s = to_s(max(stamps_ns)) - self.offset_s()
+            self.recent.append((stamp_s, self.map_odom @ pose))
+            self.push(stamp_s, planar_of(pose))
 
     def _found(self, message: Any) -> dict[str, Array]:
         """The valid transforms of a message, by child frame; a frame keeps its first parent."""
@@ -93,35 +89,10 @@ class TfTrack(TopicTrack):
         for step in message.transforms:
             child, parent = _child(step), step.header.frame_id.lstrip("/")
             with suppress(CameraError):
-                rotation, place_m = transform_of(step.transform, TF)
+                pose = transform_of(step.transform, TF)
                 if self._parents.setdefault(child, parent) == parent:
-                    found[child] = pose_of(rotation, place_m)
+                    found[child] = pose
         return found
-
-
-class PathTopics:
-    """The paths that are published in the map's frame. top: that frame."""
-
-    def __init__(self, node: Node, top: str) -> None:
-        self._node, self._top, self._look_timer = node, top, StreamTimer(EVERY_S)
-        self._topics: dict[str, tuple[Subscription, NodePath]] = {}
-
-    @property
-    def paths(self) -> list[NodePath]:
-        """The newest of each topic."""
-        return [nodes for _, nodes in self._topics.values()]
-
-    def take(self, stamp_s: float, offset_s: float) -> bool:
-        """Whether a message came since. stamp_s, offset_s: of the stream, and from there to ROS time."""
-        for topic, kind in self._node.published().items() if self._look_timer.due(stamp_s) else ():
-            if short(kind) == PATH and topic not in self._topics:
-                self._topics[topic] = self._node.subscription(topic, kind), NodePath(self._top)
-        came = False
-        for messages, nodes in self._topics.values():
-            for message in messages.take():
-                nodes.take(message, offset_s)
-                came = True
-        return came
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +102,6 @@ class LivePoses(GivenPoses):
     tf: TfTrack = field(kw_only=True)
     mount: Mount = field(kw_only=True)
     path: "MapPath" = field(kw_only=True)
-    topics: PathTopics = field(kw_only=True)
 
     def attitude(self, stamp_s: float) -> Attitude | None:
         """By the poses about a stamp; None where the base is level."""
@@ -144,30 +114,32 @@ class LivePoses(GivenPoses):
 
     def correction(self, stamp_s: float) -> Callable[[float], SE2 | None] | None:
         """All poses so far in the map, where the map has moved against odom since."""
-        try:
-            pose = self.tf.at(stamp_s)
-        except OdometryError:
-            return None
-        paths = self.topics.paths if self.topics.take(stamp_s, self.tf.offset_s()) else ()
-        return self.path.at if self.path.add(stamp_s, pose, self.tf.map_odom, self.tf.restarts, paths) else None
+        return self.path.at if self.path.follow(stamp_s) else None
 
 
 class MapPath:
-    """Poses of the base in the map at the frames' stamps, as the corrections so far move them."""
+    """Poses of the base in the map at the frames' stamps, as the corrections so far move them: those of tf, and the
+    paths that the SLAM publishes. top: the map's frame. first: stamp and pose (4, 4) when the source was opened."""
 
-    def __init__(self, first: tuple[float, Array]) -> None:
-        """first: stamp and pose (4, 4) when the source was opened."""
-        self.first = first
+    def __init__(self, node: Node, top: str, tf: TfTrack) -> None:
+        self.first = tf.recent[-1]
+        self._node, self._top, self._tf, self._look_timer = node, top, tf, StreamTimer(EVERY_S)
+        self._topics: dict[str, tuple[Subscription, NodePath]] = {}
         self._stamps_s, self._path_m = list[float](), list[float]()
         self._poses, self._odoms = list[Array](), list[Array]()  # in the map; in odom, over its restarts
         self._map_odom, self._restarts = np.eye(4), -1
         self._odom: SE2 | None = None
-        self._corrections, self._paths = Corrections(), tuple[NodePath, ...]()
+        self._corrections = Corrections()
 
-    def add(self, stamp_s: float, odom: SE2, map_odom: Array, restarts: int, paths: Sequence[NodePath] = ()) -> bool:
-        """Adds a frame's pose in odom. Returns whether poses so far are others than those that were used. paths: of the
-        SLAM, where one came since."""
-        restarted, self._restarts = restarts != self._restarts, restarts
+    def follow(self, stamp_s: float) -> bool:
+        """Adds the pose at a frame's stamp, where tf has one. Returns whether poses so far are others than those that
+        were used."""
+        try:
+            odom = self._tf.at(stamp_s)
+        except OdometryError:
+            return False
+        came, map_odom = self._take_paths(stamp_s), self._tf.map_odom
+        restarted, self._restarts = self._tf.restarts != self._restarts, self._tf.restarts
         if restarted:
             self._map_odom = map_odom
         step = SE2() if self._odom is None or restarted else self._odom.inverse() @ odom
@@ -179,20 +151,30 @@ class MapPath:
         if len(self._poses) > MAXIMUM:  # the older half gets coarser, as in the journal of poses
             for rows in (self._stamps_s, self._poses, self._odoms, self._path_m):
                 del rows[1 : MAXIMUM // 2 : 2]
-        moved, self._paths = map_odom @ np.linalg.inv(self._map_odom), tuple(paths) or self._paths
+        moved = map_odom @ np.linalg.inv(self._map_odom)
         jumped = size_of(moved, self._poses[-1]) > FOLLOWED
         changed = jumped or restarted or len(self._poses) == 2  # before the first frame the robot was elsewhere
-        if jumped or paths:
+        if jumped or came:
             poses = np.array(self._poses)
             if jumped:
                 self._corrections.spread(poses, np.array(self._path_m), moved, stamp_s)
                 self._map_odom = map_odom
-            for path in self._paths:
+            for _, path in self._topics.values():
                 through = path.through(np.array(self._stamps_s), np.array(self._odoms), poses, self._corrections)
                 if through is not None and (jumped or apart(through, poses).max() > FOLLOWED):
                     poses, changed = through, True
             self._poses = list(poses)
         return changed
+
+    def _take_paths(self, stamp_s: float) -> bool:
+        """Whether a path came since the last frame."""
+        for topic, kind in self._node.published().items() if self._look_timer.due(stamp_s) else ():
+            if short(kind) == PATH and topic not in self._topics:
+                self._topics[topic] = self._node.subscription(topic, kind), NodePath(self._top)
+        came = [(nodes, message) for messages, nodes in self._topics.values() for message in messages.take()]
+        for nodes, message in came:
+            nodes.take(message, self._tf.offset_s())
+        return bool(came)
 
     def at(self, stamp_s: float) -> SE2 | None:
         """The pose at a frame's stamp."""
@@ -206,12 +188,11 @@ def live_tf_poses(node: Node, where: str, offset_s: Callable[[], float]) -> Call
 
     def poses(frames: str, mount: Mount) -> GivenPoses:
         named = TfFrames(frames, where)
-        track, topics = TfTrack(node, named, offset_s), PathTopics(node, named.top)
+        track = TfTrack(node, named, offset_s)
         track.join()
-        first = track.recent[-1]
-        start = planar_of(first[1])
-        path = MapPath(first)
-        return LivePoses(track, None, mount.height_m, (), start, tf=track, mount=mount, path=path, topics=topics)
+        path = MapPath(node, named.top, track)
+        start = planar_of(path.first[1])
+        return LivePoses(track, None, mount.height_m, (), start, tf=track, mount=mount, path=path)
 
     return poses
 

@@ -46,8 +46,9 @@ class MessageStream:
 
     mount: as given; the one in use is sent, with the angles and the scale of the step before. static_mount: it is sent
     on /tf_static, with the first picture and where it changes, not with every picture on /tf (a recording, which may be
-    played in part). robot_odom: where the robot publishes odom -> base itself, its pose there at a stamp of the stream,
-    s; only map -> odom is sent then, and nothing where it gives None.
+    played in part). robot_odom: where the robot publishes odom -> base itself, its pose there at a stamp in ROS time,
+    s; only map -> odom is sent then, and nothing where it gives None. offset_s: from the stamps of frames to those of
+    the messages.
     """
 
     intrinsics: Intrinsics | None = None
@@ -56,6 +57,7 @@ class MessageStream:
     lossless: bool = False
     static_mount: bool = False
     robot_odom: Callable[[float], SE2 | None] | None = None
+    offset_s: float = 0.0
     _angled: Mount | None = None  # the given mount with the angles that the newest step used
     _sent: Mount | None = None  # the newest that was sent
     _steps: int = 0
@@ -63,9 +65,9 @@ class MessageStream:
     _grid: OccupancyGrid | None = None  # the newest that was sent
     _identity: MapIdentity | None = None  # of the map
 
-    def picture(self, frame: Frame, stamp_ns: int | None = None) -> Iterator[Outgoing]:
-        """Lens, mount and picture of a frame. stamp_ns: in place of the frame's own."""
-        stamp_ns = to_ns(frame.stamp_s) if stamp_ns is None else stamp_ns
+    def picture(self, frame: Frame) -> Iterator[Outgoing]:
+        """Lens, mount and picture of a frame."""
+        stamp_ns = self._ns(frame)
         ids, lens, mount = self.frames, self.intrinsics, self.mount
         if lens is not None:
             yield Outgoing(topics.INFO, stamp_ns, lambda: build.camera_info(stamp_ns, lens, ids))
@@ -81,15 +83,15 @@ class MessageStream:
             lambda: build.compressed_image(stamp_ns, encoded(frame, self.lossless), encoding, ids),
         )
 
-    def step(self, result: StepResult, objects: list[MapObject], stamp_ns: int | None = None) -> Iterator[Outgoing]:
+    def step(self, result: StepResult, objects: list[MapObject]) -> Iterator[Outgoing]:
         """All messages of one step: its picture's and its results'."""
-        yield from self.picture(result.frame, stamp_ns)
-        yield from self.results(result, objects, stamp_ns)
+        yield from self.picture(result.frame)
+        yield from self.results(result, objects)
 
-    def results(self, result: StepResult, objects: list[MapObject], stamp_ns: int | None = None) -> Iterator[Outgoing]:
+    def results(self, result: StepResult, objects: list[MapObject]) -> Iterator[Outgoing]:
         """The messages of one step: poses, tf, boxes, the floor where it is new, and with the first and every
         `MAP_EVERY`th step the map."""
-        stamp_ns, ids = to_ns(result.frame.stamp_s) if stamp_ns is None else stamp_ns, self.frames
+        stamp_ns, ids = self._ns(result.frame), self.frames
         self._identity = result.annotations.identity
         before_s, self._last_stamp_s = self._last_stamp_s, result.frame.stamp_s
         if (estimate := result.observed.mount_estimate) is not None:
@@ -97,16 +99,18 @@ class MessageStream:
         dt_s = 0.0 if before_s is None else result.frame.stamp_s - before_s
         yield Outgoing(topics.POSE, stamp_ns, lambda: build.pose(stamp_ns, result, ids))
         yield Outgoing(topics.ODOMETRY, stamp_ns, lambda: build.step_odometry(stamp_ns, result, dt_s, ids))
-        pose_odom_base = self.robot_odom(result.frame.stamp_s) if self.robot_odom else result.pose_odom_base
+        pose_odom_base = (
+            self.robot_odom(result.frame.stamp_s + self.offset_s) if self.robot_odom else result.pose_odom_base
+        )
         if pose_odom_base is not None:
             pose_map_odom = result.pose_map_base @ pose_odom_base.inverse()
             transforms = [build.planar_transform(stamp_ns, ids.map, ids.odom, pose_map_odom)]
             if self.robot_odom is None:
                 transforms.append(build.planar_transform(stamp_ns, ids.odom, ids.base, pose_odom_base))
             yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(*transforms))
-        pictured_ns = stamp_ns - to_ns(result.frame.stamp_s) + to_ns(result.pictured.stamp_s)
-        yield self._boxes(result, stamp_ns)
+        yield self._boxes(result)
         if (scan := result.floor_scan) is not None:
+            pictured_ns = self._ns(result.pictured)
             yield Outgoing(topics.FLOOR_SCAN, stamp_ns, lambda: scan_message(pictured_ns, scan, ids))
         if (grid := result.grid) is not None and grid is not self._grid:
             self._grid = grid
@@ -115,15 +119,18 @@ class MessageStream:
         if self._steps % MAP_EVERY == 1:
             yield from self.map(stamp_ns, objects, result.pose_map_base)
 
-    def last(self, result: StepResult, objects: list[MapObject], stamp_ns: int | None = None) -> Iterator[Outgoing]:
+    def last(self, result: StepResult, objects: list[MapObject]) -> Iterator[Outgoing]:
         """The boxes that came after the last frame, and the map with them."""
-        stamp_ns = to_ns(result.frame.stamp_s) if stamp_ns is None else stamp_ns
-        yield self._boxes(result, stamp_ns)
-        yield from self.map(stamp_ns, objects, result.pose_map_base)
+        yield self._boxes(result)
+        yield from self.map(self._ns(result.frame), objects, result.pose_map_base)
 
-    def _boxes(self, result: StepResult, stamp_ns: int) -> Outgoing:
-        pictured_ns = stamp_ns - to_ns(result.frame.stamp_s) + to_ns(result.pictured.stamp_s)
+    def _boxes(self, result: StepResult) -> Outgoing:
+        stamp_ns, pictured_ns = self._ns(result.frame), self._ns(result.pictured)
         return Outgoing(topics.BOXES, stamp_ns, lambda: build.detections_2d(pictured_ns, result, self.frames))
+
+    def _ns(self, frame: Frame) -> int:
+        """Stamp of a frame's messages."""
+        return to_ns(frame.stamp_s + self.offset_s)
 
     def map(self, stamp_ns: int, objects: list[MapObject], pose_map_base: SE2) -> Iterator[Outgoing]:
         """The objects on the map, for programs, for eyes, and as obstacles around the robot for planners."""

@@ -10,6 +10,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.spatial_poses import pose_of
 from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE
 
 FARTHEST_M, FARTHEST_POSE_M = 1000.0, 1e6  # of two frames of one robot; of a pose in the world
@@ -28,41 +29,31 @@ class TfTree:
             child, parent = step.child_frame_id.lstrip("/"), step.header.frame_id.lstrip("/")
             self._parents.setdefault(child, (parent, step.transform))
 
-    def pose(self, parent: str, child: str) -> tuple[Array, Array] | None:
-        """Rotation (3, 3) and position (3,) of a frame in another one; None where the tree does not connect them.
-        Raises CameraError for an invalid transform between them.
+    def pose(self, parent: str, child: str) -> Array | None:
+        """Pose (4, 4) of a frame in another one; None where the tree does not connect them. Raises CameraError for an
+        invalid transform between them.
         """
         ups, downs = self._to_root(child.lstrip("/")), self._to_root(parent.lstrip("/"))
-        for frame, (rotation, place_m) in ups.items():
-            if frame in downs:
-                back, origin_m = downs[frame]
-                return back.T @ rotation, back.T @ (place_m - origin_m)
-        return None
+        return next((np.linalg.inv(downs[frame]) @ pose for frame, pose in ups.items() if frame in downs), None)
 
-    def _to_root(self, frame: str) -> dict[str, tuple[Array, Array]]:
+    def _to_root(self, frame: str) -> dict[str, Array]:
         """The frame's pose in itself and in each frame above it, nearest first."""
-        ancestors = {frame: (np.eye(3), np.zeros(3))}
+        ancestors = {frame: np.eye(4)}
         while frame in self._parents and self._parents[frame][0] not in ancestors:
-            rotation, place_m = ancestors[frame]
+            pose = ancestors[frame]
             frame, step = self._parents[frame]
-            step_rotation, step_m = transform_of(step, f"{self._where}: tf to {one_line(frame, 60)}")
-            ancestors[frame] = step_rotation @ rotation, step_rotation @ place_m + step_m
+            ancestors[frame] = transform_of(step, f"{self._where}: tf to {one_line(frame, 60)}") @ pose
         return ancestors
 
 
-def transform_of(transform: Any, where: str) -> tuple[Array, Array]:
-    """Rotation (3, 3) and translation (3,) of a decoded `geometry_msgs/Transform`. Raises CameraError for none."""
+def transform_of(transform: Any, where: str) -> Array:
+    """A decoded `geometry_msgs/Transform` as a pose (4, 4). Raises CameraError for none."""
     rotation, translation = transform.rotation, transform.translation
     quaternion = [rotation.x, rotation.y, rotation.z, rotation.w]
     moved_m = [translation.x, translation.y, translation.z]
     if not abs(math.hypot(*quaternion) - 1.0) < QUATERNION_TOLERANCE or not max(map(abs, moved_m)) < FARTHEST_M:
         raise CameraError(f"{where}: translation {moved_m} m, quaternion {quaternion}: no transform")
-    return Rotation.from_quat(quaternion).as_matrix(), np.array(moved_m)
-
-
-def planar_pose(pose: Any, where: str) -> SE2:
-    """A decoded `geometry_msgs/Pose` as a planar pose. where: for messages. Raises CameraError for an invalid pose."""
-    return planar(pose.position, pose.orientation, where)
+    return pose_of(Rotation.from_quat(quaternion).as_matrix(), np.array(moved_m))
 
 
 def planar(position: Any, orientation: Any, where: str) -> SE2:

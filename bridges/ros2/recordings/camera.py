@@ -1,14 +1,15 @@
 """An MCAP recording as a camera: every picture of one topic, in order, with the calibration in the file."""
 
 import math
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, closing
 from dataclasses import replace
+from itertools import chain, islice
 from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import to_s
 from edgemap.bridges.ros2.messages.tf_chain import PATH
-from edgemap.bridges.ros2.messages.topics import DEPTH, EDITS, SEARCHED, STAMPS, TF
+from edgemap.bridges.ros2.messages.topics import DEPTH, EDITS, IMU, SEARCHED, STAMPS, TF
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.bridges.ros2.recordings.foreign import (
     IMU_KIND,
@@ -17,261 +18,219 @@ from edgemap.bridges.ros2.recordings.foreign import (
     info_topics,
     lens_of,
     mount_of,
-    read_wheel,
-    recorded_imu,
+    read_imu,
     tf_of,
+    wheels_of,
 )
-from edgemap.bridges.ros2.recordings.pictures import (
-    PICTURE_KINDS,
-    depth_of,
-    depth_topic,
-    kind_of_pictures,
-    own_depth_of,
-)
+from edgemap.bridges.ros2.recordings.pictures import PICTURE_KINDS, depth_beside, kind_of_pictures
 from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.bridges.ros2.recordings.tf_poses import tf_poses
-from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.camera import Camera, CameraInfo, SensorTopics
+from edgemap.runtime.frames.camera import CameraInfo, CameraOptions, FileCamera, Shot, Shots
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.frames.reading import user_path
-from edgemap.runtime.inputs.drives.pictures import Levels
+from edgemap.runtime.frames.reading import printable, user_path
+from edgemap.runtime.inputs.drives.pictures import DepthBeside, Levels
 from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import SAME_S
 
 INFO_KIND, TF_KIND = "sensor_msgs/CameraInfo", "tf2_msgs/TFMessage"
 USABLE = "colour", "infrared"  # kinds of pictures, the first that there is
-_Picture = tuple[int, int, Any, str]  # stamp in ns, its header's, picture, frame id
 
 
-class RecordingCamera(Camera):
+def recording_camera(spec: str, how: CameraOptions = CameraOptions()) -> FileCamera:  # noqa: B008
     """`FILE.mcap` or `FILE.mcap#/topic`: ours, or a bag of ROS, a file or its folder; without a topic its first one
     with colour pictures, else with infrared ones.
 
-    topics: of the file, for wheel odometry, inertial samples and depth, in place of those that it would take. depth:
-    whether frames bring the depth that edgemap recorded, or that a bag has aligned to the colour picture. rotate: as of
-    `mount_of`.
+    how: its topics are those of the file, in place of those that would be read. depth: whether frames bring the depth
+    that edgemap recorded, or that a bag has aligned to the colour picture.
     Stamps are the pictures' headers', or the time of recording where all of those are zero. A file that was cut off
     gives every complete picture and then a CameraError that says so. Raises CameraError.
     """
+    file, _, topic = spec.partition("#")
+    path = user_path(file)
+    if not path.exists():
+        raise CameraError(f"{path}: no such file")
+    with ExitStack() as resources:
+        recording = resources.enter_context(closing(open_reading(path)))
+        ours, wanted, levels = RECORD in recording.metadata, how.topics.depth, Levels()
+        topic, kinds = _choose(recording, topic, (DEPTH if ours else None, wanted))
+        beside, depth = (depth_beside(recording, wanted) if how.depth else None) or (None, None)
+        ahead = list[Shot | CameraFault]()
+        for shot in (shots := _shots(recording, topic, printable(spec), levels, depth)):
+            ahead.append(shot)
+            if isinstance(shot, Shot):
+                break
+        else:
+            why = f", {len(ahead):,} damaged: {ahead[0]}" if ahead else ""
+            raise CameraError(f"{path}: {topic} has no complete picture{why}")
+        (height, width), first_s = shot.image.shape[:2], shot.stamp_s
 
-    def __init__(
-        self,
-        spec: str,
-        intrinsics: Intrinsics | None = None,
-        mount: Mount | None = None,
-        topics: SensorTopics | None = None,
-        depth: bool = True,
-        rotate: int = 0,
-    ) -> None:
-        super().__init__(CameraInfo(spec, intrinsics=intrinsics, mount=mount))
-        file, _, topic = spec.partition("#")
-        path = user_path(file)
-        if not path.exists():
-            raise CameraError(f"{path}: no such file")
-        self._path, self._open, self._rotate = path, True, rotate
-        self._recording = recording = open_reading(path)
-        self._levels = Levels()
-        self._notes: list[str] = []
-        self._info_topic = self._imu_topic = ""
-        self._exact, self._unsearched = dict[int, float](), frozenset[int]()
+        def tf(frames: str, mount: Mount) -> GivenPoses:
+            """The base's poses by the tf of the whole file, from its first picture on."""
+            with closing(open_reading(path)) as again:
+                return tf_poses(again, frames, mount, first_s)
+
+        info = CameraInfo(
+            spec,
+            (width, height),
+            frame_count=recording.topics[topic].count,
+            wheel=wheels_of(recording, how.topics.wheels) if how.topics.wheels else None,
+            tf=tf if TF in recording.topics else None,
+        )
+        changes = (
+            _recorded(recording, topic, how)
+            if ours
+            else _foreign(recording, topic, how, info.size, levels, kinds, beside)
+        )
+        return FileCamera(replace(info, **changes), chain(ahead, shots), resources.pop_all())
+
+
+def _choose(recording: Reading, topic: str, others: Collection[str | None]) -> tuple[str, dict[str, str]]:
+    """The topic with pictures that is asked for, or the first usable one, and the kinds of pictures by topic, where
+    they were compared. others: topics with depth."""
+    pictures = [name for name in recording.topics_of(*PICTURE_KINDS) if name not in others]
+    if topic in pictures:
+        return topic, {}
+    kinds = dict.fromkeys(pictures, USABLE[0])
+    if len(pictures) > 1:
+        kinds = {name: _kind(recording, name) for name in pictures}
+    usable = [name for name in pictures if kinds[name] in USABLE]
+    if usable and not topic:
+        return min(usable, key=lambda name: USABLE.index(kinds[name])), kinds
+    has = ", ".join(usable) or "none"
+    if topic in recording.topics:
+        kind = recording.topics[topic].kind or "untyped"
+        raise CameraError(f"{recording.path}: {topic} is {kind}, not pictures (topics with pictures: {has})")
+    if topic:
+        raise CameraError(f"{recording.path}: no topic {topic} (topics with pictures: {has})")
+    there = ", ".join(f"{name} ({kinds.get(name, found.kind)})" for name, found in recording.topics.items())
+    raise CameraError(
+        f"{recording.path}: no topic with sensor_msgs Image or CompressedImage of colour or grey; has "
+        f"{there or 'no messages at all'}"
+    )
+
+
+def _kind(recording: Reading, topic: str) -> str:
+    try:
+        return kind_of_pictures(topic, recording.first(topic))
+    except CameraError:
+        return "damaged"
+
+
+def _shots(recording: Reading, topic: str, name: str, levels: Levels, depth: DepthBeside | None) -> Shots:
+    """All pictures in order, with a fault in place of each that is dropped, and one before the first after the clock
+    was set. Raises CameraError for damage, and at the end of a file cut off."""
+    exact, unsearched, read = dict[int, float](), set[int](), PICTURE_KINDS[recording.topics[topic].kind]
+    if RECORD in recording.metadata:
+        exact, unsearched = _exact_stamps(recording), _unsearched(recording)
+    count, last_s, size = 0, -math.inf, None
+    for stamp_ns, own_ns, message, fault in recording.samples(topic):
+        where = f"{name}#{count}"
+        if fault:
+            yield CameraFault(FaultKind.CLOCK, f"{where}: {fault}")
+        if stamp_ns is None:
+            continue
         try:
-            wanted = topics.depth if topics else None
-            self.topic = self._choose(topic, wanted)
-            self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
-            own = wanted is None and DEPTH in recording.topics and RECORD in recording.metadata
-            beside = DEPTH if own else depth_topic(recording, wanted) if depth else None
-            self._depth = (
-                (own_depth_of(recording) if own else depth_of(recording, beside)) if depth and beside else None
-            )
-            if RECORD in recording.metadata:
-                self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
-            self._pictures, self._ahead = self._decoded(), list[_Picture | CameraFault]()
-            self._first_ns, _, image, frame_id = self._first_complete()
-            if TF in recording.topics:
-                self.update_info(tf=self._tf)
-            size, count = (image.shape[1], image.shape[0]), recording.topics[self.topic].count
-            self.update_info(size=size, frame_count=count)
-            self._describe(intrinsics, mount, frame_id, topics or SensorTopics())
-            if RECORD not in recording.metadata:
-                self.update_info(notes=self._taken(beside, (topics or SensorTopics()).wheels))
-        except EdgemapError:
-            self.close()
-            raise
-
-    def read(self) -> Frame | None:
-        """The next picture; None at the end. Raises CameraError for damage, and at the end of a file cut off."""
-        if not self._open:
-            return None
-        decoded = self._ahead.pop(0) if self._ahead else next(self._pictures, None)
-        if isinstance(decoded, CameraFault):
-            raise decoded
-        if decoded is None:
-            if not self._recording.complete:
-                raise CameraError(f"{self._path}: cut off, the {self._delivered} complete pictures before it were read")
-            return None
-        stamp_ns, own_ns, image, _ = decoded
-        name = f"{self.info.name}#{self._delivered}"
-        stamp_s = self._exact.get(own_ns, to_s(stamp_ns)) if stamp_ns == own_ns else to_s(stamp_ns)
-        if stamp_s < self._last_s:  # a float may be the same for two nanoseconds
-            raise CameraFault(FaultKind.CLOCK, f"{name}: at {stamp_s:.6f} s, not after {self._last_s:.6f} s, skipped")
+            image = read(message, f"{name} picture {count}", levels)
+        except CameraError as error:
+            yield CameraFault(FaultKind.DAMAGED, f"{error}, skipped")
+            continue
+        stamp_s = exact.get(own_ns, to_s(stamp_ns)) if stamp_ns == own_ns else to_s(stamp_ns)
         height, width = image.shape[:2]
-        if self._delivered and self.info.size != (width, height):
-            raise CameraFault(FaultKind.SIZE, f"{name}: picture is {width}x{height}, not as those before, skipped")
-        depth = None if self._depth is None else self._depth.at(stamp_ns)
-        return replace(self.frame(image, stamp_s, name, depth), search=own_ns not in self._unsearched)
+        size = size or (width, height)
+        if stamp_s < last_s:  # a float may be the same for two nanoseconds
+            yield CameraFault(FaultKind.CLOCK, f"{where}: at {stamp_s:.6f} s, not after {last_s:.6f} s, skipped")
+        elif (width, height) != size:
+            text = f"{where}: picture is {width}x{height}, not as those before, skipped"
+            yield CameraFault(FaultKind.SIZE, text)
+        else:
+            yield Shot(image, stamp_s, where, depth and depth.at(stamp_ns), own_ns not in unsearched)
+            count, last_s = count + 1, stamp_s
+    if count and not recording.complete:
+        raise CameraError(f"{recording.path}: cut off, the {count} complete pictures before it were read")
 
-    def close(self) -> None:
-        """Close the file."""
-        self._open = False
-        self._recording.close()
 
-    def _choose(self, topic: str, depth: str | None) -> str:
-        recording = self._recording
-        topics, own = recording.topics, RECORD in recording.metadata
-        pictures = [name for name in recording.topics_of(*PICTURE_KINDS) if name not in (DEPTH if own else "", depth)]
-        self._kinds: dict[str, str] = {}
-        if topic not in pictures and len(pictures) > 1:
-            self._kinds = {name: self._kind(name) for name in pictures}
-        has = ", ".join(name for name in pictures if self._kinds.get(name, USABLE[0]) in USABLE) or "none"
-        if topic in pictures:
-            return topic
-        if topic in topics:
-            kind = topics[topic].kind or "untyped"
-            raise CameraError(f"{self._path}: {topic} is {kind}, not pictures (topics with pictures: {has})")
-        if topic:
-            raise CameraError(f"{self._path}: no topic {topic} (topics with pictures: {has})")
-        usable = sorted((name for name in pictures if self._kinds.get(name, USABLE[0]) in USABLE), key=self._rank)
-        if not usable:
-            kinds = {name: self._kinds.get(name, found.kind) for name, found in topics.items()}
-            there = ", ".join(f"{name} ({kind})" for name, kind in kinds.items()) or "no messages at all"
-            raise CameraError(
-                f"{self._path}: no topic with sensor_msgs Image or CompressedImage of colour or grey; has {there}"
-            )
-        return usable[0]
+def _recorded(recording: Reading, topic: str, how: CameraOptions) -> dict[str, Any]:
+    """Lens, mount, rate, truth, wheels and IMU as edgemap wrote them: fields of `CameraInfo`."""
+    facts = read_facts(recording.metadata[RECORD], f"{recording.path}")
+    found: dict[str, Any] = {
+        "intrinsics": how.intrinsics or facts.intrinsics,
+        "mount": how.mount or facts.mount,
+        "rate_hz": facts.rate_hz,
+        "inference": facts.inference,
+        "calibration": facts.calibration,
+        "edits": tuple(str(line) for _, line in _values(recording, EDITS)),
+    }
+    if how.topics.imu is not None:
+        frame_id = recording.first(topic).header.frame_id
+        found["imu"] = imu_of(recording, tf_of(recording), frame_id, how.topics.imu)[1]
+    elif IMU in recording.topics:
+        found["imu"] = read_imu(recording, IMU)
+    if how.topics.wheels is None and WHEEL_FILE in recording.attachments:
+        found["wheel"] = wheels_of(recording)
+    if TRUTH_FILE in recording.attachments:
+        found["truth"] = read_trajectory_file(recording.attachments[TRUTH_FILE], f"{recording.path}: {TRUTH_FILE}")
+    return found
 
-    def _kind(self, topic: str) -> str:
-        try:
-            return kind_of_pictures(topic, next(self._recording.stamped(topic))[1])
-        except CameraError:
-            return "damaged"
 
-    def _rank(self, topic: str) -> int:
-        return USABLE.index(self._kinds.get(topic, USABLE[0]))
+def _foreign(
+    recording: Reading,
+    topic: str,
+    how: CameraOptions,
+    size: tuple[int, int],
+    levels: Levels,
+    kinds: Mapping[str, str],
+    depth: str | None,
+) -> dict[str, Any]:
+    """Lens, mount, rate and IMU from CameraInfo and tf, and what was taken and what was not as notes: fields of
+    `CameraInfo`. size: of the pictures, px. kinds: of pictures, by topic, where they are known. depth: its topic."""
+    lens, info = how.intrinsics, None
+    if lens is None and (info := _info_topic(recording, topic)):
+        lens = lens_of(recording.first(info), topic, f"{recording.path}", size)
+    tree, frame_id = tf_of(recording), recording.first(topic).header.frame_id
+    mount, text = mount_of(tree, frame_id, how.rotate) if how.mount is None else (how.mount, "")
+    imu_topic, imu = imu_of(recording, tree, frame_id, how.topics.imu)
+    pictures = f"{recording.topics[topic].count} pictures" + (", infrared" if kinds.get(topic) == "infrared" else "")
+    uses = {imu_topic: "IMU", how.topics.wheels: "wheels", info if lens else None: "lens", depth: "depth"}
+    uses |= {name: "tf" for name, known in recording.topics.items() if known.kind == TF_KIND}
+    uses |= {name: "path, for --odometry tf" for name, known in recording.topics.items() if known.kind == PATH}
+    uses |= {topic: pictures}
+    taken = [f"{name} ({uses[name]})" for name in recording.topics if name in uses]
+    left = [f"{name} ({_unused(recording, name, kinds)})" for name in recording.topics if name not in uses]
+    lines = [f"{title}: " + ", ".join(some) for title, some in (("taken", taken), ("not taken", left)) if some]
+    notes = (*lines, *([text] if text else []), *levels.notes)
+    return {"intrinsics": lens, "mount": mount, "imu": imu, "rate_hz": _rate_hz(recording, topic), "notes": notes}
 
-    def _taken(self, depth: str | None, wheels: str | None) -> tuple[str, ...]:
-        """What was taken of a foreign recording and what was not, as lines."""
-        info, taken, left = self.info, dict[str, str](), dict[str, str]()
-        for name, topic in self._recording.topics.items():
-            if name == self.topic:
-                taken[name] = f"{topic.count} pictures" + (", infrared" if self._kinds.get(name) == "infrared" else "")
-            elif name == depth:
-                taken[name] = "depth"
-            elif name == self._info_topic and info.intrinsics is not None:
-                taken[name] = "lens"
-            elif topic.kind in (TF_KIND, PATH):
-                taken[name] = "tf" if topic.kind == TF_KIND else "path, for --odometry tf"
-            elif not topic.count:
-                left[name] = "no messages"
-            elif topic.kind in PICTURE_KINDS:
-                kind = self._kinds.get(name, "pictures")
-                left[name] = f"depth; --topics depth={name}" if kind == "depth" else f"{kind}; #{name}"
-            elif topic.kind == WHEEL_KIND:
-                (taken if name == wheels else left)[name] = "wheels" if name == wheels else f"--topics wheels={name}"
-            elif topic.kind == IMU_KIND:
-                used = name == self._imu_topic
-                (taken if used else left)[name] = (
-                    "IMU" if used else "tf does not join it to the pictures, or another is used"
-                )
-            else:
-                left[name] = topic.kind
-        lines = [f"{title}: " + ", ".join(f"{name} ({what})" for name, what in some.items())
-                 for title, some in (("taken", taken), ("not taken", left)) if some]  # fmt: skip
-        return (*lines, *self._notes)
 
-    def _first_complete(self) -> _Picture:
-        """The first picture that can be decoded; what is wrong before it is raised when the frames are read."""
-        for found in self._pictures:
-            self._ahead.append(found)
-            if not isinstance(found, CameraFault):
-                return found
-        why = f", {len(self._ahead):,} damaged: {self._ahead[0]}" if self._ahead else ""
-        raise CameraError(f"{self._path}: {self.topic} has no complete picture{why}")
+def _unused(recording: Reading, name: str, kinds: Mapping[str, str]) -> str:
+    """Why a topic was not taken, or how it is."""
+    known = recording.topics[name]
+    if not known.count:
+        return "no messages"
+    if known.kind in PICTURE_KINDS:
+        kind = kinds.get(name, "pictures")
+        return f"depth; --topics depth={name}" if kind == "depth" else f"{kind}; #{name}"
+    reasons = {
+        WHEEL_KIND: f"--topics wheels={name}",
+        IMU_KIND: "tf does not join it to the pictures, or another is used",
+    }
+    return reasons.get(known.kind, known.kind)
 
-    def _decoded(self) -> Iterator[_Picture | CameraFault]:
-        """All pictures in order; and faults, of those that are dropped, and before one where the clock was set."""
-        for stamp_ns, own_ns, message, fault in self._recording.samples(self.topic):
-            if fault:
-                yield CameraFault(FaultKind.CLOCK, f"{self.info.name}#{self._delivered}: {fault}")
-            if stamp_ns is None:
-                continue
-            try:
-                image = self._picture(message, f"{self.info.name} picture {self._delivered}", self._levels)
-            except CameraError as error:
-                yield CameraFault(FaultKind.DAMAGED, f"{error}, skipped")
-                continue
-            yield stamp_ns, own_ns, image, message.header.frame_id
 
-    def _tf(self, frames: str, mount: Mount) -> GivenPoses:
-        """The base's poses by the tf of the whole file, from its first picture on."""
-        with closing(open_reading(self._path)) as recording:
-            return tf_poses(recording, frames, mount, to_s(self._first_ns))
+def _info_topic(recording: Reading, topic: str) -> str | None:
+    """The CameraInfo beside the pictures (image_transport's custom), or the only one in the file; else None."""
+    infos = recording.topics_of(INFO_KIND)
+    beside = [name for name in info_topics(topic) if name in infos]
+    return next(iter(beside or (infos if len(infos) == 1 else [])), None)
 
-    def _describe(
-        self, intrinsics: Intrinsics | None, mount: Mount | None, frame_id: str, topics: SensorTopics
-    ) -> None:
-        """Lens, mount, rate, truth, wheels and IMU: as edgemap wrote them, else from CameraInfo and tf."""
-        recording = self._recording
-        if topics.wheels:
-            self.update_info(wheel=read_wheel(f"{self._path}#{topics.wheels}"))
-        if RECORD in recording.metadata:
-            facts = read_facts(recording.metadata[RECORD], f"{self._path}")
-            own = topics.imu is None
-            self.update_info(
-                intrinsics=intrinsics or facts.intrinsics,
-                mount=mount or facts.mount,
-                rate_hz=facts.rate_hz,
-                inference=facts.inference,
-                calibration=facts.calibration or {},
-                imu=recorded_imu(recording) if own else imu_of(recording, tf_of(recording), frame_id, topics.imu)[1],
-                edits=tuple(str(line) for _, line in _values(recording, EDITS)),
-            )
-            if topics.wheels is None and WHEEL_FILE in recording.attachments:
-                self.update_info(wheel=read_wheel(str(self._path)))
-            if TRUTH_FILE in recording.attachments:
-                where = f"{self._path}: {TRUTH_FILE}"
-                self.update_info(truth=read_trajectory_file(recording.attachments[TRUTH_FILE], where))
-            return
-        if intrinsics is None and (message := self._lens_message()) is not None:
-            intrinsics = lens_of(message, self.topic, f"{self._path}", self.info.size)
-        tree = tf_of(recording)
-        if mount is None:
-            mount, text = mount_of(tree, frame_id, self._rotate)
-            self._notes += [text] if text else []
-        self._imu_topic, imu = imu_of(recording, tree, frame_id, topics.imu)
-        self._notes += self._levels.notes
-        self.update_info(intrinsics=intrinsics, mount=mount, imu=imu, rate_hz=self._rate_hz())
 
-    def _lens_message(self) -> Any:
-        """The CameraInfo beside the pictures (image_transport's custom), or the only one in the file; else None."""
-        infos = self._recording.topics_of(INFO_KIND)
-        beside = [name for name in info_topics(self.topic) if name in infos]
-        chosen = beside or (infos if len(infos) == 1 else [])
-        if not chosen:
-            return None
-        self._info_topic = chosen[0]
-        return next(message for _, message in self._recording.stamped(chosen[0]))
-
-    def _rate_hz(self) -> float | None:
-        """From the first pictures' times of recording."""
-        messages = self._recording.messages(self.topic)
-        times = [log_ns for (log_ns, _), _ in zip(messages, range(30), strict=False)]
-        span_s = to_s(times[-1] - times[0])
-        return (len(times) - 1) / span_s if len(times) > 1 and math.isfinite(span_s) and span_s > 0 else None
+def _rate_hz(recording: Reading, topic: str) -> float | None:
+    """From the first pictures' times of recording."""
+    times = [log_ns for log_ns, _ in islice(recording.messages(topic), 30)]
+    span_s = to_s(times[-1] - times[0])
+    return (len(times) - 1) / span_s if span_s > 0 else None
 
 
 def _values(recording: Reading, topic: str) -> Iterator[tuple[int, Any]]:
@@ -280,9 +239,9 @@ def _values(recording: Reading, topic: str) -> Iterator[tuple[int, Any]]:
     return ((log_ns, decode().data) for log_ns, decode in messages)
 
 
-def _unsearched(recording: Reading) -> frozenset[int]:
+def _unsearched(recording: Reading) -> set[int]:
     """Stamps of the pictures that a budget did not have searched, ns."""
-    return frozenset(log_ns for log_ns, searched in _values(recording, SEARCHED) if float(searched) == 0.0)
+    return {log_ns for log_ns, searched in _values(recording, SEARCHED) if float(searched) == 0.0}
 
 
 def _exact_stamps(recording: Reading) -> dict[int, float]:

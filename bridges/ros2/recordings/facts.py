@@ -5,16 +5,16 @@ programs read the messages.
 """
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount, Platform
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.reading import Coordinate, Stamp, Strict, decode_json, one_line
@@ -26,30 +26,17 @@ FORMAT = "edgemap.recording/1"
 WHEEL_FILE, TRUTH_FILE = "wheel.json", "truth.json"  # names of MCAP attachments
 
 
-@dataclass(frozen=True, slots=True)
-class Facts:
-    """A camera's metadata at the time of recording. inference: of the recording run, where there was one. calibration:
-    as of a `camera.yaml`, where lens or mount were guessed."""
-
-    camera: str
-    intrinsics: Intrinsics | None = None
-    mount: Mount | None = None
-    rate_hz: float | None = None
-    inference: Inference | None = None
-    calibration: dict[str, Any] | None = None
-
-
-def facts_record(facts: Facts) -> dict[str, str]:
-    """The facts as an MCAP metadata record, text to text; floats keep every bit."""
-    lens, mount = facts.intrinsics, facts.mount
+def facts_record(info: CameraInfo) -> dict[str, str]:
+    """A camera as an MCAP metadata record, text to text; floats keep every bit."""
+    lens, mount = info.intrinsics, info.mount
     return {
         "format": FORMAT,
-        "camera": facts.camera,
-        "rate_hz": json.dumps(facts.rate_hz),
+        "camera": info.name,
+        "rate_hz": json.dumps(info.rate_hz),
         "intrinsics": json.dumps(asdict(lens) if lens else None),
         "mount": json.dumps(asdict(mount) if mount else None),
-        "inference": json.dumps(asdict(facts.inference) if facts.inference else None),
-        "calibration": json.dumps(facts.calibration),
+        "inference": json.dumps(asdict(info.inference) if info.inference else None),
+        "calibration": json.dumps(info.calibration or None),
     }
 
 
@@ -62,8 +49,8 @@ class _RecordedMount(Strict):
     platform: Platform = Platform.ROBOT
 
 
-def read_facts(record: dict[str, str], where: str) -> Facts:
-    """The facts of a metadata record. where: for messages. Raises CameraError for a damaged one."""
+def read_facts(record: dict[str, str], where: str) -> CameraInfo:
+    """The camera of a metadata record. where: for messages. Raises CameraError for a damaged one."""
     where = f"{where}: damaged {RECORD} record"
     if missing := {"format", "camera", "rate_hz", "intrinsics", "mount"} - record.keys():
         raise CameraError(f"{where}: lacks {', '.join(sorted(missing))}")
@@ -76,13 +63,13 @@ def read_facts(record: dict[str, str], where: str) -> Facts:
 
     lens, mount = value("intrinsics", LensRecord), value("mount", _RecordedMount)
     try:
-        return Facts(
+        return CameraInfo(
             one_line(record["camera"]),
-            lens and lens.intrinsics(),
-            mount and Mount(**msgspec.structs.asdict(mount)),
-            value("rate_hz", Rate),
-            value("inference", Inference),
-            value("calibration", dict[str, Any]),
+            intrinsics=lens and lens.intrinsics(),
+            mount=mount and Mount(**msgspec.structs.asdict(mount)),
+            rate_hz=value("rate_hz", Rate),
+            inference=value("inference", Inference),
+            calibration=value("calibration", dict[str, Any]) or {},
         )
     except GeometryError as error:
         raise CameraError(f"{where}: {error}") from None

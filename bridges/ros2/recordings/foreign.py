@@ -1,14 +1,15 @@
 """Lens, mount, inertial samples and wheel odometry from the ROS 2 messages of a recording."""
 
 import math
+from contextlib import closing
 from itertools import islice
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from edgemap.bridges.ros2.messages.definitions import to_s
-from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar_pose
-from edgemap.bridges.ros2.messages.topics import IMU, ODOMETRY, TF, TF_STATIC, TRUTH
+from edgemap.bridges.ros2.messages.tf_tree import TfTree, planar
+from edgemap.bridges.ros2.messages.topics import ODOMETRY, TF, TF_STATIC, TRUTH
 from edgemap.bridges.ros2.recordings.facts import WHEEL_FILE, read_trajectory_file
 from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
@@ -17,9 +18,8 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import BASE_OPTICAL, QUARTER_TURN, Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.notes import note, note_dropped
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.notes import note_dropped
 from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
@@ -91,7 +91,7 @@ def mount_of(tree: TfTree, frame_id: str, rotate: int = 0) -> tuple[Mount | None
     found = tree.pose(FLOOR_FRAME, frame_id)
     if found is None:
         return None, f"tf does not join {FLOOR_FRAME} to {one_line(frame_id) or 'the pictures (no frame_id)'}: no mount"
-    (rotation, place_m), text = found, ""
+    rotation, place_m, text = found[:3, :3], found[:3, 3], ""
     if rotation[2, 2] > math.cos(math.pi / 4.0):  # z points up: axes of a body, x ahead
         rotation, text = rotation @ BASE_OPTICAL, f"{one_line(frame_id)} has the axes of a body in tf, x ahead"
         text += ": taken as an optical frame by REP 103"
@@ -101,18 +101,13 @@ def mount_of(tree: TfTree, frame_id: str, rotate: int = 0) -> tuple[Mount | None
     rotation = rotation @ np.linalg.matrix_power(QUARTER_TURN, rotate // 90).T
     mount = _mount(rotation, place_m)
     if mount is None:
-        aside_deg, down_deg = _directions(rotation)
+        x, y, z = rotation[:, 2]
+        aside_deg, down_deg = math.degrees(math.atan2(y, x)), math.degrees(math.asin(np.clip(-z, -1.0, 1.0)))
         text = (
             f"tf puts the camera {place_m[2]:.2f} m up, looking {down_deg:.1f} deg down and {aside_deg:.1f} deg to the "
             f"left: no mount, which looks ahead; --mount {max(place_m[2], 0.0):.2f},{down_deg:.1f} makes that ahead"
         )
     return mount, text
-
-
-def _directions(rotation_base_optical: Any) -> tuple[float, float]:
-    """Where an optical frame looks: degrees to the left, and down."""
-    x, y, z = rotation_base_optical[:, 2]
-    return math.degrees(math.atan2(y, x)), math.degrees(math.asin(np.clip(-z, -1.0, 1.0)))
 
 
 def _mount(rotation_base_optical: Any, place_m: Any) -> Mount | None:
@@ -135,11 +130,6 @@ IMU_KIND = "sensor_msgs/Imu"
 WHEEL_KIND = "nav_msgs/Odometry"
 
 
-def recorded_imu(recording: Reading) -> ImuSamples | None:
-    """The IMU samples that edgemap recorded, in the optical frame; None where there are none. Raises CameraError."""
-    return _read(recording, IMU, ImuBuffer(kept=None)) if IMU in recording.topics else None
-
-
 def imu_of(recording: Reading, tree: TfTree, optical: str, topic: str | None = None) -> tuple[str, ImuSamples | None]:
     """The first sensor_msgs/Imu topic of a bag, or the named one, whose frame tf connects to the pictures', and its
     samples.
@@ -151,9 +141,9 @@ def imu_of(recording: Reading, tree: TfTree, optical: str, topic: str | None = N
     if topic is not None and topic not in found:
         raise CameraError(f"{recording.path}: no {IMU_KIND} topic {topic} (there are: {', '.join(found) or 'none'})")
     for name in found if topic is None else [topic]:
-        pose = tree.pose(optical, next(recording.stamped(name))[1].header.frame_id)
+        pose = tree.pose(optical, recording.first(name).header.frame_id)
         if pose is not None:
-            return name, _read(recording, name, ImuBuffer(pose[0], kept=None))
+            return name, read_imu(recording, name, pose[:3, :3])
     if topic is not None:
         raise CameraError(
             f"{recording.path}: tf does not join the frame of {one_line(topic)} to the pictures' ({one_line(optical)})"
@@ -170,25 +160,15 @@ def push_message(buffer: ImuBuffer, message: Any, stamp_s: float) -> None:
         buffer.push_rate(stamp_s, (rate.x, rate.y, rate.z))
 
 
-def _read(recording: Reading, topic: str, buffer: ImuBuffer) -> ImuSamples | None:
-    count, wrong = 0, list[str]()
-    for stamp_ns, _, message, fault in recording.samples(topic):
-        count += 1
-        if fault:
-            _report(recording, topic, fault, stamp_ns, wrong)
-        if stamp_ns is not None:
-            push_message(buffer, message, to_s(stamp_ns))
+def read_imu(recording: Reading, topic: str, rotation: NDArray[np.float64] | None = None) -> ImuSamples | None:
+    """The samples of a topic in the optical frame; None where there are none. rotation: (3, 3), from the IMU's frame,
+    None where it is the optical one, as edgemap records it. Raises CameraError."""
+    buffer, dropped = ImuBuffer(rotation, kept=None), list[str]()
+    for stamp_s, message in recording.sound(topic, dropped):
+        push_message(buffer, message, stamp_s)
     samples = buffer.take(np.inf)
-    note_dropped(f"{recording.path}: {topic}", wrong + buffer.dropped, count)
+    note_dropped(f"{recording.path}: {topic}", dropped + buffer.dropped, recording.topics[topic].count)
     return samples if len(samples) else None
-
-
-def _report(recording: Reading, topic: str, fault: str, stamp_ns: int | None, wrong: list[str]) -> None:
-    """A fault of one sample. wrong: those of dropped samples, which are reported together."""
-    if stamp_ns is None:
-        wrong.append(fault)
-    else:
-        note(FaultKind.SAMPLES, f"{recording.path}: {topic}: {fault}")
 
 
 def read_wheel(spec: str) -> Trajectory:
@@ -197,33 +177,28 @@ def read_wheel(spec: str) -> Trajectory:
     Poses of the base as the wheels integrate them, at the headers' stamps. Raises CameraError.
     """
     file, _, topic = spec.partition("#")
-    recording = open_reading(user_path(file))
-    try:
-        if not topic and WHEEL_FILE in recording.attachments:
-            return read_trajectory_file(recording.attachments[WHEEL_FILE], f"{file}: {WHEEL_FILE}")
-        found = [name for name in recording.topics_of(WHEEL_KIND) if name not in (TRUTH, ODOMETRY)]
-        if not found or (topic and topic not in found):
-            there = ", ".join(found) or "none"
-            raise CameraError(f"{file}: no {WHEEL_KIND} topic {topic or 'of wheels'} (there are: {there})")
-        where, count, wrong = f"{file}: {topic or found[0]}", 0, list[str]()
-        stamps_s, poses = list[float](), list[SE2]()
-        for stamp_ns, own_ns, message, fault in recording.samples(topic or found[0]):
-            count += 1
-            if fault:
-                _report(recording, topic or found[0], fault, stamp_ns, wrong)
-            try:
-                pose = planar_pose(message.pose.pose, f"at {to_s(own_ns):.3f} s")
-            except CameraError as error:
-                wrong.append(str(error))
-                continue
-            if stamp_ns is not None:
-                stamps_s.append(to_s(stamp_ns))
-                poses.append(pose)
-        if not poses:
-            raise CameraError(f"{where} has no pose" + (f" ({wrong[0]})" if wrong else ""))
-        note_dropped(where, wrong, count)
-        return Trajectory(np.array(stamps_s), tuple(poses))
-    except OdometryError as error:
-        raise CameraError(f"{file}: {error}") from None
-    finally:
-        recording.close()
+    with closing(open_reading(user_path(file))) as recording:
+        return wheels_of(recording, topic)
+
+
+def wheels_of(recording: Reading, topic: str = "") -> Trajectory:
+    """As of `read_wheel`. topic: empty for what edgemap recorded, or else the first one. Raises CameraError."""
+    file = recording.path
+    if not topic and WHEEL_FILE in recording.attachments:
+        return read_trajectory_file(recording.attachments[WHEEL_FILE], f"{file}: {WHEEL_FILE}")
+    found = [name for name in recording.topics_of(WHEEL_KIND) if name not in (TRUTH, ODOMETRY)]
+    if not found or (topic and topic not in found):
+        there = ", ".join(found) or "none"
+        raise CameraError(f"{file}: no {WHEEL_KIND} topic {topic or 'of wheels'} (there are: {there})")
+    topic = topic or found[0]
+    where, dropped, poses = f"{file}: {topic}", list[str](), dict[float, SE2]()
+    for stamp_s, message in recording.sound(topic, dropped):
+        pose = message.pose.pose
+        try:
+            poses[stamp_s] = planar(pose.position, pose.orientation, f"at {stamp_s:.3f} s")
+        except CameraError as error:
+            dropped.append(str(error))
+    if not poses:
+        raise CameraError(f"{where} has no pose" + (f" ({dropped[0]})" if dropped else ""))
+    note_dropped(where, dropped, recording.topics[topic].count)
+    return Trajectory(np.array(list(poses)), tuple(poses.values()))

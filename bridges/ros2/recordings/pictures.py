@@ -7,7 +7,7 @@ four bytes of each float32.
 
 import re
 import struct
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.bridges.ros2.messages.topics import DEPTH
+from edgemap.bridges.ros2.recordings.facts import RECORD
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.faults import FaultKind
@@ -181,37 +182,27 @@ READERS: dict[str, Callable[[Any, str], Depth]] = {
 }
 
 
-def own_depth_of(recording: Reading) -> DepthBeside:
-    """The depth that edgemap recorded, by stamps in ns."""
-    return DepthBeside(_stamped(recording, DEPTH, own_depth), 0)
-
-
-def depth_topic(recording: Reading, topic: str | None = None) -> str | None:
-    """Where the depth of a foreign recording is: the topic that is stated, or the first that its name calls registered
-    to the colour picture. Raises CameraError where there is no such topic, or it is not depth."""
-    found = {name: known.kind for name, known in recording.topics.items() if known.kind in READERS and known.count}
-    if topic is not None and topic not in found:
+def depth_beside(recording: Reading, wanted: str | None = None) -> tuple[str, DepthBeside] | None:
+    """The topic with the depth of a recording's pictures, and that depth by stamps in ns; None without any: the topic
+    that is stated, else what edgemap recorded, or the first that its name calls registered to the colour picture.
+    Raises CameraError where there is no such topic, or it is not depth."""
+    ours = wanted is None and DEPTH in recording.topics and RECORD in recording.metadata
+    kinds = {name: known.kind for name, known in recording.topics.items() if known.kind in READERS and known.count}
+    topic = DEPTH if ours else wanted or aligned(kinds)
+    if topic is None:
+        return None
+    if not ours and topic not in kinds:
         raise CameraError(f"{recording.path}: no topic {topic} of sensor_msgs Image or CompressedImage, for depth")
-    return topic or aligned(found)
-
-
-def depth_of(recording: Reading, topic: str) -> DepthBeside:
-    """The depth of a topic of a foreign recording, by stamps in ns."""
-    first: Any = next((message for _, message in recording.stamped(topic)), None)
-    if getattr(first, "encoding", "") == "32FC1" and in_millimetres(np.frombuffer(bytes(first.data), "<f4")):
-        note(FaultKind.DEPTH, f"{topic}: 32FC1 is in millimetres (metres by REP 118), divided by 1000")
-    return DepthBeside(_stamped(recording, topic, READERS[recording.topics[topic].kind]), round(APART_S * 1e9))
+    read, apart = (own_depth, 0) if ours else (READERS[kinds[topic]], round(APART_S * 1e9))
+    if not ours:
+        first = recording.first(topic)
+        if getattr(first, "encoding", "") == "32FC1" and in_millimetres(np.frombuffer(bytes(first.data), "<f4")):
+            note(FaultKind.DEPTH, f"{topic}: 32FC1 is in millimetres (metres by REP 118), divided by 1000")
+    samples = ((ns, message) for ns, _, message, _ in recording.samples(topic) if ns is not None)
+    return topic, DepthBeside(((ns, partial(read, message, topic)) for ns, message in samples), apart)
 
 
 def aligned(kinds: Mapping[str, str]) -> str | None:
     """The first raw picture topic whose name marks depth aligned to the colour picture. kinds: by topic."""
     raw = (name for name, kind in kinds.items() if kind == "sensor_msgs/Image")
     return next((name for name in raw if any(word in name for word in ALIGNED)), None)
-
-
-def _stamped(
-    recording: Reading, topic: str, read: Callable[[Any, str], Depth]
-) -> Generator[tuple[int, Callable[[], Depth]], None, None]:
-    for stamp_ns, _, message, _ in recording.samples(topic):
-        if stamp_ns is not None:
-            yield stamp_ns, partial(read, message, topic)

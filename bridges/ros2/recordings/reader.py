@@ -1,7 +1,7 @@
 """Reads any MCAP file of ROS 2 messages, complete or cut off: its topics, and messages in order of time."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from io import SEEK_END
 from itertools import islice
@@ -56,8 +56,14 @@ class McapReading(Reading):
 
         Raises CameraError at damage, and at a message that is not CDR with a `ros2msg` definition.
         """
-        with self._guarded():
-            for schema, channel, message in self._raw(topic):
+        from mcap.reader import NonSeekingReader
+
+        # A stream for each topic: pictures and depth are read in turn. In the order of the file: by an index it would
+        # be that of log times, which a clock that was set mixes up.
+        with self._guarded(), self.path.open("rb") as stream:
+            every = NonSeekingReader(stream, validate_crcs=True).iter_messages(topic, log_time_order=False)
+            count = self.topics[topic].count  # the rest of a large file has none
+            for schema, channel, message in islice(every, count):
                 kind = self._kind(topic, schema, channel)
                 yield message.log_time, partial(decoded, self.path, topic, kind, message.data)
 
@@ -69,15 +75,6 @@ class McapReading(Reading):
         if kind != first:
             raise CameraError(f"{self.path}: {topic} is {first} and {one_line(kind)}; a topic has one kind")
         return kind
-
-    def _raw(self, topic: str) -> Iterator[tuple[Any, Any, Any]]:
-        """In the order of the file: by an index it would be that of log times, which a clock that was set mixes up."""
-        from mcap.reader import NonSeekingReader
-
-        with self.path.open("rb") as stream:  # one for each topic: pictures and depth are read in turn
-            reader = NonSeekingReader(stream, validate_crcs=True)
-            every = self._to_the_cut(reader.iter_messages(topic, log_time_order=False))
-            yield from islice(every, self.topics[topic].count)  # the rest of a large file has none
 
     def _read_summary(self) -> bool:
         """Topics and their counts, metadata and attachments by the file's index. Returns whether it has one."""
@@ -103,7 +100,7 @@ class McapReading(Reading):
         schemas: dict[int, Any] = {}
         channels: dict[int, Any] = {}
         with self.path.open("rb") as stream:
-            for record in self._to_the_cut(StreamReader(stream, validate_crcs=True).records):
+            for record in StreamReader(stream, validate_crcs=True).records:
                 if isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel):
@@ -130,21 +127,15 @@ class McapReading(Reading):
         elif isinstance(record, Attachment) and record.name in (WHEEL_FILE, TRUTH_FILE):
             self.attachments[record.name] = record.data
 
-    def _to_the_cut(self, items: Iterator[Any]) -> Iterator[Any]:
-        """The items; in a file that was cut off they end at the first damage."""
-        damage = _damage()  # asked for now: at the interpreter's end nothing can be imported
-        try:
-            yield from items
-        except damage:
-            if self.complete:
-                raise
-
     @contextmanager
     def _guarded(self) -> Iterator[None]:
-        damage = _damage()
+        """Raises CameraError for damage; in a file that was cut off the block ends there instead."""
+        damage = _damage()  # asked for now: at the interpreter's end nothing can be imported
         try:
             yield
         except damage as error:
+            if not self.complete:
+                return
             what = one_line(f"{type(error).__name__} {error}")
             raise CameraError(f"{self.path}: damaged recording ({what})") from None
 
@@ -166,14 +157,9 @@ def open_reading(path: Path) -> Reading:
         if not files:
             what = f"{packed.name} is compressed: `zstd -d` it first" if packed else "no .mcap and no .db3 in it"
             raise CameraError(f"{path}: {what}")
-        parts: list[Reading] = []
-        try:
-            for file in files:
-                parts.append(open_reading(file))
-        except BaseException:
-            for part in parts:
-                part.close()
-            raise
+        with ExitStack() as opened:
+            parts = [opened.enter_context(closing(open_reading(file))) for file in files]
+            opened.pop_all()
         return SplitReading(path, parts) if len(parts) > 1 else parts[0]
     if path.suffix == ".bag":
         from edgemap.bridges.ros2.recordings.ros1 import Ros1Reading

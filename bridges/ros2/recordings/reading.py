@@ -1,5 +1,6 @@
 """An open recording of ROS messages, whatever its container: topics, and messages in order of time."""
 
+import sqlite3
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -8,8 +9,10 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from edgemap.bridges.ros2.messages.definitions import DAMAGE, FIELDS, decoder, ns_of
+from edgemap.bridges.ros2.messages.definitions import DAMAGE, FIELDS, decoder, ns_of, to_s
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.faults import FaultKind
+from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.frames.stamps import AGREEING, followed
 
@@ -46,29 +49,38 @@ class Reading:
         """
         raise NotImplementedError
 
-    def stamped(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """(stamp in ns, message) for each message of a topic: its header's stamp, 0 where it has none, or the log time
-        where no header has one: two clocks never mix. Raises CameraError."""
-        return ((stamp_ns, message) for stamp_ns, _, message in self._timed(topic))
+    def first(self, topic: str) -> Any:
+        """The first message of a topic. Raises CameraError."""
+        for _, decode in self.messages(topic):
+            return decode()
+        raise CameraError(f"{self.path}: {topic} has no message")
 
-    def _timed(self, topic: str) -> Iterator[tuple[int, int, Any]]:
-        """As of `stamped`, with the log time in ns."""
+    def samples(self, topic: str) -> Iterator[tuple[int | None, int, Any, str]]:
+        """(stamp in ns, header's stamp, message, fault) as `followed` has it, by the headers' stamps, or the log times
+        where no header has one: two clocks never mix. A zero stamp among others is dropped. The first fault says where
+        log times are taken. Raises CameraError."""
         by_log = True
         with suppress(CameraError):  # which is raised below, behind the messages before it
             by_log = not any(ns_of(decode().header.stamp) for _, decode in islice(self.messages(topic), AGREEING))
-        for log_ns, decode in self.messages(topic):
-            message = decode()
-            yield log_ns if by_log else ns_of(message.header.stamp), log_ns, message
-
-    def samples(self, topic: str) -> Iterator[tuple[int | None, int, Any, str]]:
-        """(stamp in ns, header's stamp, message, fault) as `followed` has it; a zero stamp among others is dropped. The
-        first fault says where log times are taken."""
-        unstamped = "its headers have no stamps, the times of recording are taken"
-        stamped = ((max(row[0], -1), row) for row in self._timed(topic))
-        for stamp_ns, (own_ns, _, message), fault in followed(stamped, 10**9, lambda row: row[1]):
-            if stamp_ns is not None and own_ns and not ns_of(message.header.stamp):
+        unstamped = "its headers have no stamps, the times of recording are taken" if by_log else ""
+        rows = ((log_ns, decode()) for log_ns, decode in self.messages(topic))
+        stamped = ((log_ns if by_log else ns_of(message.header.stamp), (log_ns, message)) for log_ns, message in rows)
+        timed = ((max(own_ns, -1), (own_ns, *row)) for own_ns, row in stamped)
+        for stamp_ns, (own_ns, _, message), fault in followed(timed, 10**9, lambda row: row[1]):
+            if stamp_ns is not None:
                 fault, unstamped = fault or unstamped, ""
             yield None if stamp_ns is None else int(stamp_ns), own_ns, message, fault
+
+    def sound(self, topic: str, dropped: list[str]) -> Iterator[tuple[float, Any]]:
+        """(stamp in s, message) of the samples that are not dropped; a clock that was set is reported. dropped: gets
+        why each of the others is. Raises CameraError."""
+        for stamp_ns, _, message, fault in self.samples(topic):
+            if stamp_ns is None:
+                dropped.append(fault)
+                continue
+            if fault:
+                note(FaultKind.SAMPLES, f"{self.path}: {topic}: {fault}")
+            yield to_s(stamp_ns), message
 
     def close(self) -> None:
         """Closes the file."""
@@ -100,13 +112,9 @@ class SqliteReading(Reading):
     """A bag of ROS 2 in SQLite, `FILE.db3`. Raises CameraError for a file that is none."""
 
     def __init__(self, path: Path) -> None:
-        import sqlite3
-        from urllib.parse import quote
-
         super().__init__(path)
-        self._damage = sqlite3.Error
         try:
-            self._file = sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)
+            self._file = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
             counts = dict(self._file.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id"))
             rows = self._file.execute("SELECT id, name, type, serialization_format FROM topics ORDER BY id").fetchall()
         except sqlite3.Error as error:
@@ -126,12 +134,12 @@ class SqliteReading(Reading):
         try:
             for log_ns, data in self._file.execute(asked, (self._ids[topic],)):
                 yield int(log_ns), partial(decoded, self.path, topic, self.topics[topic].kind, bytes(data))
-        except (self._damage, ValueError, TypeError) as error:
+        except (sqlite3.Error, ValueError, TypeError) as error:
             raise CameraError(f"{self.path}: damaged recording ({one_line(error)})") from None
 
     def close(self) -> None:
         """Closes the file."""
-        with suppress(self._damage):
+        with suppress(sqlite3.Error):
             self._file.close()
 
 

@@ -1,10 +1,11 @@
 """Records pictures with intrinsics, mount, wheel odometry and truth, and, as a sink, a run's results."""
 
+from collections import Counter, deque
 from contextlib import suppress
+from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from edgemap.bridges.ros2.messages import build
 from edgemap.bridges.ros2.messages.definitions import Message, definition, encoder, to_ns, to_s
@@ -24,10 +25,11 @@ from edgemap.bridges.ros2.messages.topics import (
     WHEEL,
     FrameIds,
 )
-from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record, trajectory_file
+from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, facts_record, trajectory_file
 from edgemap.bridges.ros2.recordings.pictures import encoded_depth
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.disk import append
 from edgemap.runtime.frames.errors import DiskError, RecordingError
 from edgemap.runtime.frames.extras import need
@@ -51,7 +53,8 @@ class McapFile:
     Raises RecordingError where the file exists, DiskError where the disk cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, record: dict[str, str], attachments: dict[str, bytes]) -> None:
+        """record: edgemap's metadata. attachments: JSON files, by name."""
         need("record", "a recording")
         from mcap.writer import CompressionType, Writer
 
@@ -69,7 +72,10 @@ class McapFile:
         self._open = True
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
-        self._counts: dict[str, int] = {}
+        self._counts = Counter[str]()  # messages by topic
+        self._written(self._writer.add_metadata, RECORD, record)
+        for name, data in attachments.items():
+            self._written(self._writer.add_attachment, 0, 0, name, "application/json", data)
 
     def write(self, topic: str, stamp_ns: int, message: Message) -> None:
         """Append a message at a stamp."""
@@ -79,17 +85,9 @@ class McapFile:
                 text = definition(kind).encode()
                 self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text)
             channel = self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
-        number = self._counts[topic] = self._counts.get(topic, 0) + 1
+        self._counts[topic] += 1
         data = encoder(kind)(message)
-        self._written(self._writer.add_message, channel, stamp_ns, data, stamp_ns, number)
-
-    def metadata(self, name: str, record: dict[str, str]) -> None:
-        """Append a metadata record."""
-        self._written(self._writer.add_metadata, name, record)
-
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Append a file."""
-        self._written(self._writer.add_attachment, 0, 0, name, media_type, data)
+        self._written(self._writer.add_message, channel, stamp_ns, data, stamp_ns, self._counts[topic])
 
     def close(self) -> None:
         """Write index and end; may be called twice."""
@@ -131,38 +129,31 @@ class _Chunks:
 class Recorder(Sink):
     """Frames, and as a sink a run's results, into an MCAP file. lossless: PNG instead of JPEG.
 
-    wheel: integrated poses of the wheels; truth: the drive's poses from its start. Raises RecordingError, or DiskError
-    where the disk cannot be written: those results are missing, and later ones continue in the same file.
+    info: the camera, with wheel odometry and truth where those are recorded. Poses that come live are left out. Raises
+    RecordingError, or DiskError where the disk cannot be written: those results are missing, and later ones continue in
+    the same file.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        facts: Facts,
-        *,
-        lossless: bool = False,
-        wheel: Trajectory | None = None,
-        truth: Trajectory | None = None,
-    ) -> None:
+    def __init__(self, path: Path, info: CameraInfo, *, lossless: bool = False) -> None:
         self.path, self.name, self.frames = path, f"recording {path.name}", 0
-        self._stream = MessageStream(facts.intrinsics, facts.mount, lossless=lossless)
-        self._tracks = [
-            _Track(topic, name, track, ids)
-            for topic, name, track, ids in ((WHEEL, WHEEL_FILE, wheel, IDS), (TRUTH, TRUTH_FILE, truth, TRUTH_IDS))
-            if track is not None
-        ]
-        self._file = McapFile(path)
-        self._file.metadata(RECORD, facts_record(facts))
-        for track in self._tracks:
-            self._file.attach(track.file, "application/json", trajectory_file(track.trajectory))
+        self._stream = MessageStream(info.intrinsics, info.mount, lossless=lossless)
+        rows, attachments = list[tuple[int, str, SE2, FrameIds]](), dict[str, bytes]()
+        for topic, name, track, ids in (WHEEL, WHEEL_FILE, info.wheel, IDS), (TRUTH, TRUTH_FILE, info.truth, TRUTH_IDS):
+            if isinstance(track, Trajectory):
+                attachments[name] = trajectory_file(track)
+                timed = zip(track.stamps_s.tolist(), track.poses, strict=True)
+                rows += [(to_ns(at_s), topic, pose, ids) for at_s, pose in timed if 0.0 <= at_s < 2**31]  # ROS time
+        self._file = McapFile(path, facts_record(info), attachments)
+        self._poses = deque(sorted(rows, key=itemgetter(0)))  # that are to be written, between the pictures
         self._last: tuple[int, list[MapObject], SE2] | None = None
         self._map_ns: int | None = None  # stamp of the newest map in the file
 
     def picture(self, frame: Frame) -> int:
         """Records a frame with intrinsics, mount and the wheel odometry up to it. Returns its stamp in nanoseconds."""
         stamp_ns = to_ns(frame.stamp_s)
-        for track in self._tracks:
-            track.write_until(self._file, stamp_ns)
+        while self._poses and self._poses[0][0] <= stamp_ns:
+            at_ns, topic, pose, ids = self._poses.popleft()
+            self._file.write(topic, at_ns, build.odometry(at_ns, pose, ids=ids))
         if to_s(stamp_ns) != frame.stamp_s:  # finer than a nanosecond: the replay shall have it all the same
             self._file.write(STAMPS, stamp_ns, {"data": frame.stamp_s})
         if not frame.search:
@@ -216,24 +207,6 @@ class Recorder(Sink):
         self._file.write(outgoing.topic, outgoing.stamp_ns, outgoing.make())
 
 
-class _Track:
-    """A trajectory that is written as it happens, between the pictures."""
-
-    def __init__(self, topic: str, file: str, trajectory: Trajectory, ids: FrameIds) -> None:
-        self.topic, self.file, self.trajectory, self._ids = topic, file, trajectory, ids
-        self._next = int(np.searchsorted(trajectory.stamps_s, 0.0))  # before a stream that starts at zero: no ROS time
-
-    def write_until(self, file: McapFile, stamp_ns: int) -> None:
-        """The poses up to this stamp that are not written yet."""
-        while (
-            self._next < len(self.trajectory.poses)
-            and (now_ns := to_ns(float(self.trajectory.stamps_s[self._next]))) <= stamp_ns
-        ):
-            message = build.odometry(now_ns, self.trajectory.poses[self._next], ids=self._ids)
-            file.write(self.topic, now_ns, message)
-            self._next += 1
-
-
 def file_of(text: str) -> tuple[Path, bool]:
     """The file in `[lossless:]FILE.mcap`, and whether its pictures are lossless."""
     name = text.removeprefix("lossless:")
@@ -245,11 +218,11 @@ def open(address: str, run: RunInfo) -> Recorder:
 
     Raises RecordingError, DiskError or CameraError.
     """
-    camera, floor = run.camera, run.floor
-    facts = Facts(camera.info.name, floor.intrinsics, floor.mount, camera.info.rate_hz, run.inference, run.guess)
-    # Poses that come live are not recorded.
-    wheels = camera.info.wheel if isinstance(camera.info.wheel, Trajectory) else None
+    floor, guess = run.floor, run.guess or {}
+    info = replace(
+        run.camera.info, intrinsics=floor.intrinsics, mount=floor.mount, inference=run.inference, calibration=guess
+    )
     path, lossless = file_of(address)
-    sink = Recorder(path, facts, lossless=lossless, wheel=wheels, truth=camera.info.truth)
+    sink = Recorder(path, info, lossless=lossless)
     run.edits.recorders.append(sink.edit)
     return sink

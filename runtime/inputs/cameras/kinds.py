@@ -35,16 +35,20 @@ class CameraKind(Protocol):
         ...
 
     def found(self) -> Sequence[tuple[str, str]]:
-        """(address, display name) of each connected camera, for `edgemap cameras`."""
-        ...
+        """(address, display name) of each connected camera, for `edgemap cameras`. A class that inherits it has none,
+        for what is not searched for."""
+        return ()
+
+
+class FileKind(CameraKind, Protocol):
+    """What kinds of files have too."""
 
     def wheels(self, address: str) -> Trajectory:
-        """The wheels' poses in the file. Of kinds of files only. Raises CameraError."""
+        """The wheels' poses in the file. Raises CameraError."""
         ...
 
     def recorded_from(self, address: str) -> str | None:
-        """SPEC of the camera that the file was recorded from, of kinds of files only; None where it is unknown or the
-        file is damaged."""
+        """SPEC of the camera that the file was recorded from; None where it is unknown or the file is damaged."""
         ...
 
 
@@ -68,10 +72,10 @@ def _is_bag(folder: Path) -> bool:
     )
 
 
-def file_kind(spec: str) -> CameraKind | None:
+def file_kind(spec: str) -> FileKind | None:
     """The kind of a file, by its suffix. Raises PluginError."""
     kind = kind_of(spec)
-    return cast(CameraKind, load_plugin(kind[0])) if kind and kind[0].name.startswith(".") else None
+    return cast(FileKind, load_plugin(kind[0])) if kind and kind[0].name.startswith(".") else None
 
 
 def recorded_from(spec: str) -> str:

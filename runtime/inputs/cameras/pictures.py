@@ -2,21 +2,20 @@
 
 import math
 import shlex
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
-from itertools import chain, repeat
+from itertools import chain
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.depth_camera import DepthCamera
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, CameraInfo, FileCamera, Shot, Shots
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.reading import library_path, one_line
 from edgemap.runtime.inputs.cameras.checked import rate_of
 from edgemap.runtime.inputs.drives.drive import Drive
@@ -28,49 +27,6 @@ from edgemap.runtime.inputs.drives.pictures import (
     readable_depth,
     video_frames,
 )
-
-# BGR picture, its stamp in seconds, its name, and its depth, the file of it, or why there is none.
-Shot = tuple[NDArray[np.uint8], float, str, Depth | Path | str | None]
-Shots = Generator[Shot | CameraFault, None, None]
-
-
-class FileCamera(Camera):
-    """A finite source. shots: its pictures in order, with a fault in place of each that is skipped; what they raise
-    ends it. resources: closed with it. depth_camera: of the depth files, None where they are registered to the
-    pictures."""
-
-    def __init__(
-        self, info: CameraInfo, shots: Shots, resources: ExitStack, depth_camera: DepthCamera | None = None
-    ) -> None:
-        super().__init__(info)
-        self._shots, self._resources, self._depth_camera = shots, resources, depth_camera
-
-    def read(self) -> Frame | None:
-        """The next picture; None after the last. Raises CameraFault for one that is skipped, and CameraError where the
-        source is damaged."""
-        shot = next(self._shots, None)
-        if shot is None:
-            return None
-        if isinstance(shot, CameraFault):
-            raise shot
-        image, stamp_s, name, depth = shot
-        return self.frame(image, stamp_s, name, self._registered(depth) if isinstance(depth, Path) else depth)
-
-    def close(self) -> None:
-        """Deliver nothing more."""
-        self._shots.close()
-        self._resources.close()
-
-    def _registered(self, path: Path) -> Depth | str | None:
-        """Depth of a picture's pixels, or why it cannot be used; None where the lens is unknown."""
-        depth, camera = readable_depth(path), self._depth_camera
-        if isinstance(depth, str) or camera is None:
-            return depth
-        if self.info.intrinsics is None:
-            return None
-        if (registered := camera.registered(depth, self.info.intrinsics)) is None:
-            return f"{depth.shape[1]}x{depth.shape[0]} px, its camera has another size"
-        return registered
 
 
 def drive_camera(drive: Drive, name: str) -> FileCamera:
@@ -87,7 +43,27 @@ def drive_camera(drive: Drive, name: str) -> FileCamera:
         wheel=drive.wheel,
         imu=drive.imu,
     )
-    return FileCamera(info, shots, resources, drive.depth_camera)
+    return FileCamera(info, shots, resources)
+
+
+def _depth_of(drive: Drive, index: int) -> Callable[[Intrinsics | None], Depth | str | None] | None:
+    """What gives the depth of a picture's pixels by its lens, or why it cannot be used; nothing where the lens is
+    unknown. None without depth."""
+    if not drive.depth:
+        return None
+    path, camera = drive.depth[index], drive.depth_camera
+
+    def registered(lens: Intrinsics | None) -> Depth | str | None:
+        depth = readable_depth(path)
+        if isinstance(depth, str) or camera is None:
+            return depth
+        if lens is None:
+            return None
+        if (moved := camera.registered(depth, lens)) is None:
+            return f"{depth.shape[1]}x{depth.shape[0]} px, its camera has another size"
+        return moved
+
+    return registered
 
 
 def _video(drive: Drive, path: Path, name: str, resources: ExitStack) -> tuple[CameraInfo, Shots]:
@@ -132,7 +108,7 @@ def _of_video(
 
     frames: with the file's stamps. announced: their number by its header, None where it states none.
     """
-    stamps_s, depth = drive.stamps_s.tolist(), drive.depth
+    stamps_s = drive.stamps_s.tolist()
     count, first_s, last_s = 0, 0.0, -math.inf
     for image, file_stamp_s in frames:
         if stamps_s:
@@ -144,7 +120,7 @@ def _of_video(
         else:
             last_s = last_s + 1.0 / rate_hz if count else 0.0
         first_s = first_s if count else last_s
-        yield image, last_s, f"{path}#{count}", depth[count] if depth else None
+        yield Shot(image, last_s, f"{path}#{count}", _depth_of(drive, count))
         count += 1
     if count < len(stamps_s):
         raise CameraError(f"{path}: ends after {count} frames, {len(stamps_s)} poses beside it")
@@ -183,8 +159,7 @@ def _pictures(drive: Drive, name: str) -> tuple[CameraInfo, Shots]:
 
 def _of_pictures(drive: Drive, size: tuple[int, int], levels: Levels) -> Shots:
     """The drive's pictures, with a fault for each that is damaged or not of the size, (width, height)."""
-    depths: Iterable[Path | None] = drive.depth or repeat(None)
-    for path, stamp_s, depth in zip(drive.images, drive.stamps_s.tolist(), depths, strict=False):
+    for index, (path, stamp_s) in enumerate(zip(drive.images, drive.stamps_s.tolist(), strict=False)):
         try:
             image = read_picture(path, levels)
         except CameraError as error:
@@ -192,7 +167,7 @@ def _of_pictures(drive: Drive, size: tuple[int, int], levels: Levels) -> Shots:
             continue
         height, width = image.shape[:2]
         if (width, height) == size:
-            yield image, stamp_s, str(path), depth
+            yield Shot(image, stamp_s, str(path), _depth_of(drive, index))
         else:
             text = f"{path}: picture is {width}x{height}, the others are {size[0]}x{size[1]}, skipped"
             yield CameraFault(FaultKind.SIZE, text)

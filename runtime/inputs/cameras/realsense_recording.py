@@ -4,11 +4,10 @@ import math
 from contextlib import ExitStack, closing
 from pathlib import Path
 
-from edgemap.runtime.frames.camera import CameraInfo, CameraOptions
+from edgemap.runtime.frames.camera import CameraInfo, CameraOptions, FileCamera, Shot, Shots
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.reading import one_line
-from edgemap.runtime.inputs.cameras.pictures import FileCamera, Shots
 from edgemap.runtime.inputs.cameras.realsense import import_realsense, lens_of, picture_size
 from edgemap.runtime.inputs.cameras.realsense_frames import Playback, depth_beside, recorded_motion, to_bgr
 from edgemap.runtime.inputs.drives.pictures import DepthBeside
@@ -52,5 +51,5 @@ def _shots(playback: Playback, depth: DepthBeside | None, path: Path) -> Shots:
             yield CameraFault(FaultKind.CLOCK, text)
             continue
         image = to_bgr(colour, str(path))
-        yield image, stamp_s, f"{path}#{count}", None if depth is None else depth.at(stamp_s)
+        yield Shot(image, stamp_s, f"{path}#{count}", None if depth is None else depth.at(stamp_s))
         count, last_s = count + 1, stamp_s

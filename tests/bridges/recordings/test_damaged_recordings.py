@@ -1,6 +1,7 @@
 """Damaged recordings and messages: read to valid values, or refused in one line."""
 
 from contextlib import suppress
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,10 +19,11 @@ from support.recordings import FACTS, LENS, MOUNT, bag, drain, noise, record
 from edgemap.bridges.ros2.messages import build
 from edgemap.bridges.ros2.messages.definitions import DAMAGE, decoder, encoder
 from edgemap.bridges.ros2.recordings import foreign
-from edgemap.bridges.ros2.recordings.camera import RecordingCamera
-from edgemap.bridges.ros2.recordings.facts import Facts, facts_record, read_facts, read_trajectory_file
+from edgemap.bridges.ros2.recordings.camera import recording_camera
+from edgemap.bridges.ros2.recordings.facts import facts_record, read_facts, read_trajectory_file
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.spatial_poses import pose_of
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.kinds import recorded_from
 from edgemap.runtime.network.store import LENS as LENS_BUNDLE
@@ -88,7 +90,7 @@ def use_wheel(path: Path) -> None:
 def test_a_damaged_recording_is_read_or_refused_in_one_line(folder, layout, data):
     path = folder / "damaged.mcap"
     path.write_bytes(data.draw(mutated_bytes(valid(folder, layout))))
-    refused_or(lambda: drained(RecordingCamera(str(path))))
+    refused_or(lambda: drained(recording_camera(str(path))))
     refused_or(use_wheel, path)
 
 
@@ -104,7 +106,7 @@ def test_a_recording_of_wrong_messages_is_read_or_refused_in_one_line(folder, da
             coded = data.draw(mutated_bytes(coded[:200])) + coded[200:]
         messages.append((topic, kind, stamp_ns, bytes(coded)))
     path = bag(folder / "wrong.mcap", messages)
-    refused_or(lambda: drained(RecordingCamera(str(path))))
+    refused_or(lambda: drained(recording_camera(str(path))))
     refused_or(use_wheel, path)
 
 
@@ -131,7 +133,7 @@ def test_a_camera_that_looks_straight_down_by_tf_has_a_mount_or_none():
     """Two rotations that make 90 degrees together give a sine a little above 1."""
     for ahead in (1e-9, -1e-9):
         down = np.array([[0.0, 0.0, ahead], [-1.0, 0.0, 0.0], [0.0, -1e-9, -1.0 - 4e-16]])
-        tree: Any = SimpleNamespace(pose=lambda *_: (down, np.array([0.0, 0.0, 0.5])))  # noqa: B023
+        tree: Any = SimpleNamespace(pose=lambda *_: pose_of(down, np.array([0.0, 0.0, 0.5])))  # noqa: B023
         mount, text = foreign.mount_of(tree, "lens")
         assert mount or "looking 90.0 deg down" in text
 
@@ -140,7 +142,7 @@ def test_a_topic_of_two_kinds_is_refused(tmp_path):
     """What is read of its messages follows from the kind that the topic has."""
     messages = [("/image", "sensor_msgs/msg/Image", 1, picture()), ("/image", "std_msgs/msg/Float64", 2, {"data": 1.0})]
     with pytest.raises(CameraError, match=r"a\.mcap: /image is \S+ and \S+; a topic has one kind"):
-        drain(RecordingCamera(str(bag(tmp_path / "a.mcap", messages))))
+        drain(recording_camera(str(bag(tmp_path / "a.mcap", messages))))
 
 
 @pytest.mark.parametrize("options", [{}, {"use_chunking": False}])
@@ -149,17 +151,17 @@ def test_names_of_topics_that_a_terminal_would_act_on_are_refused(tmp_path, opti
     path = bag(tmp_path / "a.mcap", messages, enable_crcs=False, **options)
     path.write_bytes(path.read_bytes().replace(b"/imagexyz", b"/\x1b[2Jxyz\n"))
     with pytest.raises(CameraError, match="name does not print") as caught:
-        RecordingCamera(str(path))
+        recording_camera(str(path))
     assert str(caught.value).isprintable()
 
 
 def test_a_recording_that_says_it_was_made_from_itself(tmp_path):
     path = tmp_path / "a.mcap"
-    record(path, Facts(str(path), FACTS.intrinsics, FACTS.mount, 10.0), noise(1))
+    record(path, replace(FACTS, name=str(path)), noise(1))
     assert default_bundle(recorded_from(str(path)))[0] == LENS_BUNDLE
 
 
 def test_a_first_picture_that_is_damaged_is_reported(tmp_path):
     path = bag(tmp_path / "a.mcap", [("/image", "sensor_msgs/msg/Image", 1, picture(encoding="yuyv", width=3, step=6))])
     with pytest.raises(CameraError, match=r"/image has no complete picture, 1 damaged: .* Image of 3x4 px yuyv"):
-        RecordingCamera(str(path))
+        recording_camera(str(path))

@@ -1,6 +1,7 @@
 """Programs that are not edgemap read its recordings: mcap with its ROS 2 decoder, and rosbags, which shares no code."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,10 @@ from support.results import CHAIR, COVARIANCE, OFF, POSES, results
 
 from edgemap.bridges.ros2.messages.build import mount_transform
 from edgemap.bridges.ros2.messages.map_messages import markers
-from edgemap.bridges.ros2.recordings.facts import Facts
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.trajectory import Trajectory
 
 highlevel: Any = pytest.importorskip("rosbags.highlevel")
@@ -29,7 +30,7 @@ def recording(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("run") / "run.mcap"
     frames = noise(12)
     wheel = Trajectory(np.array([frame.stamp_s for frame in frames]), tuple(POSES))
-    recorder = Recorder(path, FACTS, wheel=wheel)
+    recorder = Recorder(path, replace(FACTS, wheel=wheel))
     for result in results(frames, POSES):
         recorder.write(result, [CHAIR])
     recorder.close()
@@ -170,7 +171,7 @@ def test_markers_show_box_name_and_ellipse(topics):
 
 def test_an_empty_map_clears_the_markers_and_without_lens_and_mount_there_are_no_topics_of_them(tmp_path):
     assert [marker["action"] for marker in markers(0, [])["markers"]] == [3]
-    recorder = Recorder(tmp_path / "a.mcap", Facts("webcam"))
+    recorder = Recorder(tmp_path / "a.mcap", CameraInfo("webcam"))
     recorder.picture(noise(1)[0])
     recorder.close()
     assert set(with_rosbags(tmp_path / "a.mcap")) == {"/camera/image/compressed"}
