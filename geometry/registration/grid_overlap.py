@@ -20,10 +20,12 @@ Grids = tuple[OccupancyGrid | None, OccupancyGrid | None]
 
 
 @lru_cache(maxsize=16)
-def _near(grid: OccupancyGrid) -> tuple[Mask, Mask]:
-    """Cells near an occupied one, and cells that are observed or near one."""
-    near = np.asarray(distance_transform_edt(grid.cells != OCCUPIED)) * grid.cell_m <= NEAR_M
-    return near, near | (grid.cells != UNKNOWN)
+def _near(grid: OccupancyGrid) -> tuple[Mask, Array, Mask]:
+    """Cells near an occupied one, how near they are (1 on it, half at the edge), and cells that are observed or near
+    one."""
+    distance_m = np.asarray(distance_transform_edt(grid.cells != OCCUPIED)) * grid.cell_m
+    near = distance_m <= NEAR_M
+    return near, near * (1.0 - distance_m / (2.0 * NEAR_M)), near | (grid.cells != UNKNOWN)
 
 
 def fitted_grid(grids: Grids, pose: SE2) -> tuple[SE2, Array, float] | None:
@@ -33,7 +35,7 @@ def fitted_grid(grids: Grids, pose: SE2) -> tuple[SE2, Array, float] | None:
     first, second = grids
     if first is None or second is None:
         return None
-    near, known = _near(first)
+    near, nearness, known = _near(first)
     contour = second.centres_m(second.cells == OCCUPIED)
     if not len(contour) or not near.any():
         return None
@@ -49,9 +51,9 @@ def fitted_grid(grids: Grids, pose: SE2) -> tuple[SE2, Array, float] | None:
         columns, rows = np.moveaxis(np.floor((places - (first.x_m, first.y_m)) / first.cell_m).astype(np.intp), -1, 0)
         inside = (rows >= 0) & (columns >= 0) & (rows < len(near)) & (columns < len(near[0]))
         rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
-        hits, seen = ((inside & mask[rows, columns]).sum(axis=1) for mask in (near, known))
-        row = int(np.argmax(hits - share * seen))
-        if (score := float(hits[row] - share * seen[row])) > best[0]:
+        hits, fit, seen = ((inside * cells[rows, columns]).sum(axis=1) for cells in (near, nearness, known))
+        row = int(np.argmax(fit - share * seen))  # where all are near, in the middle of that
+        if (score := float(fit[row] - share * seen[row])) > best[0]:
             x_m, y_m = pose.apply(middle) + shifts[row, 0] - turn.apply(middle)
             best = (score, int(hits[row]), int(seen[row]), SE2(x_m, y_m, turn.yaw_rad))
     _, hits, seen, pose = best
