@@ -69,7 +69,7 @@ class PaperOdometry(Odometry):
         self._coasting.saw(motion, frame.stamp_s, self._covariance)
         return Motion(motion, self._covariance + blind)
 
-    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+    def step_blind(self, stamp_s: float, reason: Fault | None, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """A guess; the next picture measures the motion since the last one."""
         guess = self._coasting.guess(stamp_s, reason)
         self._guessed, self._blind_covariance = self._guessed @ guess.motion, self._blind_covariance + guess.covariance

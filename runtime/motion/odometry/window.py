@@ -94,7 +94,7 @@ class WindowOdometry(Odometry):
         """Tracks the corners of the previous frame into this frame and estimates the motion between both."""
         return self._metric(self._followed(frame, prior))
 
-    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+    def step_blind(self, stamp_s: float, reason: Fault | None, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """Predicts the motion without a picture. Keeps the tracks: the next picture measures the motion since the
         previous one.
         """
