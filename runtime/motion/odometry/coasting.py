@@ -69,5 +69,5 @@ class Coasting:
         self._last_s = self._blind_from_s + after_s
         carried_s = max(0.0, min(after_s, LONGEST_DT_S) - min(before_s, LONGEST_DT_S))
         covariance = np.diag(self._sigmas**2 * (after_s**2 - before_s**2))
-        state = MotionState.COASTING if carried_s > 0.0 and self._velocity.any() else MotionState.BLIND
-        return Motion(SE2(*(self._velocity * carried_s)), covariance, tuple(filter(None, faults)), state)
+        motion = SE2(*(self._velocity * carried_s))
+        return Motion(motion, covariance, tuple(filter(None, faults)), MotionState.BLIND)

@@ -50,12 +50,10 @@ def unknown_covariance() -> Array:
 
 
 class MotionState(Enum):
-    """Origin of a motion. MEASURED. COASTING: no measurement, the last velocity extrapolated. BLIND: no measurement, a
-    guess. UNMEASURED: the first frame, which has no predecessor.
-    """
+    """Origin of a motion. MEASURED. BLIND: no measurement, a guess. UNMEASURED: the first frame, which has no
+    predecessor."""
 
     MEASURED = "measured"
-    COASTING = "coasting"
     BLIND = "blind"
     UNMEASURED = "unmeasured"
 
@@ -93,7 +91,7 @@ class Motion:
     @property
     def blind(self) -> bool:
         """Whether it is a guess where there was something to measure."""
-        return self.state in (MotionState.COASTING, MotionState.BLIND)
+        return self.state is MotionState.BLIND
 
     def moved(self) -> tuple[SE2, Array] | None:
         """The motion that the next frame is judged by, without the gyro's contribution; None where it was not measured,
