@@ -76,8 +76,9 @@ class PaperOdometry(Odometry):
         return guess
 
     def rest(self, stamp_s: float) -> Motion:
-        """The robot stood until this stamp, for which the last picture is still valid."""
-        self._last_s, self._guessed, self._blind_covariance = stamp_s, SE2(), np.zeros((3, 3))
+        """The robot stood until this stamp, for which the last picture is still valid; a guess since that one stays, so
+        that the next picture undoes it."""
+        self._last_s = stamp_s
         self._coasting.saw(SE2(), stamp_s)
         return no_motion()
 
