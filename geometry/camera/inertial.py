@@ -202,10 +202,8 @@ class InertialFilter:
         self.before, self.stamp_s = before, until_s
         about = before.up_optical @ before.covariance[_Rows.BIAS, _Rows.BIAS] @ before.up_optical
         axis = before.rotation @ (SKEW @ rotated.ravel())
-        nodded2, tilt2 = (
-            float(axis[:2] @ axis[:2]) / 4.0,
-            float(before.covariance[0, 0] + before.covariance[1, 1]) / 2.0,
-        )
+        nodded2 = float(axis[:2] @ axis[:2]) / 4.0
+        tilt2 = float(before.covariance[0, 0] + before.covariance[1, 1]) / 2.0
         sigma_rad = math.sqrt(angle2 + about * span_s**2 + nodded2 * tilt2)  # of a nod, a wrong tilt makes yaw
         turn = GyroRotation(rotated, _turned_rad(before.rotation, self.rotation), sigma_rad)
         self._hold(span_s)

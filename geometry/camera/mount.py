@@ -11,6 +11,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import GeometryError
 
 QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # of optical axes, pictures clockwise
+# Columns are the optical axes (right, down, forward) in base axes (forward, left, up).
 BASE_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
@@ -31,9 +32,6 @@ class Platform(StrEnum):
         """Whether straight edges are those of a room, upright or along two directions, a floor head (trained on rooms)
         knows the floor, and corners are refined by detail."""
         return self is Platform.ROBOT
-
-
-# Columns are the optical axes (right, down, forward) in base axes (forward, left, up).
 
 
 @dataclass(frozen=True, slots=True)

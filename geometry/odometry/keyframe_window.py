@@ -216,23 +216,18 @@ class KeyframeWindow:
 
     focal_px: of the pictures in which tracks are. reach_heights: range, in heights of the lens, beyond which no point
     counts as floor. readout: of the shutter, estimated with the poses. axle_m: of the wheels, so far behind the base's
-    origin.
+    origin, set by whoever estimates it.
     """
 
-    def __init__(
-        self,
-        rule: WindowRule,
-        focal_px: float,
-        mount: Mount,
-        reach_heights: float,
-        readout: Readout | None = None,
-        axle_m: float = 0.0,
-    ) -> None:
+    def __init__(self, rule: WindowRule, focal_px: float, mount: Mount, reach_heights: float) -> None:
         self._rule, self._focal_px, self._reach_heights = rule, focal_px, reach_heights
-        self._reverse = SE2(-mount.forward_m, -mount.left_m, 0.0)
-        self.axle_m = axle_m
+        self._reverse, self.axle_m = SE2(-mount.forward_m, -mount.left_m, 0.0), 0.0
         self._slots = rule.keyframes + 1
-        self._sigmas, self.readout = (rule.track_px / focal_px, rule.depth_sigma), readout or Readout()
+        self._sigmas, self.readout = (rule.track_px / focal_px, rule.depth_sigma), Readout()
+        self.clear()
+
+    def clear(self) -> None:
+        """Removes all poses and points; the estimates of readout and axle stay."""
         self._readout_s = self.readout.time_s  # that the points are corrected by
         self._levels_m, self._means_inverse_m = np.zeros(self._slots), np.full(self._slots, ANY[0])  # as of `Columns`
         self.poses: list[LensPose] = []

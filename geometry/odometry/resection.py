@@ -26,11 +26,7 @@ class LensPose:
         return LensPose(self.rotation.T, -self.rotation.T @ self.position_m)
 
     def __matmul__(self, other: "LensPose") -> "LensPose":
-        return LensPose(self.rotation @ other.rotation, self.apply(other.position_m))
-
-    def apply(self, points_m: Array) -> Array:
-        """Points (..., 3) of its optical axes, in the fixed frame."""
-        return points_m @ self.rotation.T + self.position_m
+        return LensPose(self.rotation @ other.rotation, other.position_m @ self.rotation.T + self.position_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,7 +5,8 @@ direction; single views may be far off (rotated furniture).
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -68,92 +69,87 @@ def _initial_prior(error_rad: float) -> Prior:
     return np.diag([1.0 / CERTAIN_RAD2, 0.0]), np.array([error_rad / CERTAIN_RAD2, 0.0])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class RoomCompass:
-    """A fixed-lag smoother of the odometry's heading drift and the room's direction.
+    """The odometry's heading drift and the room's direction; call `update` with each step.
 
-    past: the odometry's latest steps. views: of the room. prior: of the drift up to the first view and of the room's
-    direction, from views that are no longer kept. error_rad: drift up to the last view. room_rad: direction of the
-    room from the heading at the start. wings_rad: directions of other wings from that of the room. unexplained_rad:
-    the latest views' directions where they fit neither. corrected_rad: part of the drift that was subtracted from
-    motions. error_rad2: variance of error_rad. unobserved_rad2: variance of the heading from times without a view,
-    which no later view reduces.
+    views: the latest ones of the room. Angles are from the heading at the start, those of other wings of the building
+    from the room's direction.
     """
 
-    rule: CompassRule
-    past: tuple[Heading, ...] = ()
-    views: tuple[RoomView, ...] = ()
-    prior: Prior = field(default_factory=lambda: _initial_prior(0.0))
-    error_rad: float = 0.0
-    room_rad: float = 0.0
-    wings_rad: tuple[float, ...] = ()
-    unexplained_rad: tuple[float, ...] = ()
-    corrected_rad: float = 0.0
-    error_rad2: float = 0.0
-    unobserved_rad2: float = 0.0
+    def __init__(self, rule: CompassRule) -> None:
+        self._rule, self._past, self.views = rule, deque[Heading](maxlen=VIEWS), list[RoomView]()
+        self._prior = _initial_prior(0.0)  # of the drift up to the first view and of the room, from views before it
+        self._error_rad = self._error_rad2 = 0.0  # drift up to the last view, and its variance
+        self._room_rad, self._wings_rad = 0.0, deque[float](maxlen=WINGS)
+        self._unexplained_rad = deque[float](maxlen=rule.alike)  # the latest views, where they fit no direction
+        self._corrected_rad = 0.0  # part of the drift that was subtracted from motions
+        self._unobserved_rad2 = 0.0  # variance of the heading from times without a view, which no later view reduces
 
     @property
     def heading_rad2(self) -> float:
         """Variance of the heading since the start as the room bounds it; infinite where no view does, rad^2."""
         if not self.views:
             return math.inf
-        since_rad2 = self.past[-1].variance_rad2 - self.views[-1].odometry_rad2
-        return self.unobserved_rad2 + self.error_rad2 + since_rad2 + (self.error_rad + self.corrected_rad) ** 2
+        since_rad2 = self._past[-1].variance_rad2 - self.views[-1].odometry_rad2
+        return self._unobserved_rad2 + self._error_rad2 + since_rad2 + (self._error_rad + self._corrected_rad) ** 2
 
-    def predict(self, stamp_s: float, yaw_rad: float, variance_rad2: float) -> "RoomCompass":
-        """Prediction by a step of the odometry: its stamp, yaw (rad) and variance (rad^2)."""
-        rule = self.rule
+    def update(self, stamp_s: float, yaw_rad: float, variance_rad2: float, room: RoomAxes | None) -> float:
+        """Update with a step of the odometry, the first of which begins at its stamp, and with a view of the room in
+        one of the latest steps. Returns the correction of the step's yaw, rad."""
+        if not self._past:
+            self._past.append(Heading(stamp_s))
+            return 0.0
+        rule, last = self._rule, self._past[-1]
         drift_rad2 = min(rule.drift * variance_rad2, max(variance_rad2, rule.drift_rad**2))
-        last = self.past[-1] if self.past else Heading(stamp_s)
-        now = Heading(stamp_s, last.yaw_rad + yaw_rad, last.variance_rad2 + drift_rad2)
-        return replace(self, past=(*self.past[1 - VIEWS :], now))
+        self._past.append(Heading(stamp_s, last.yaw_rad + yaw_rad, last.variance_rad2 + drift_rad2))
+        if room is not None and room.level_rad is not None:
+            at = next((item for item in reversed(self._past) if item.stamp_s <= room.stamp_s), None)
+            if at is not None:
+                self._observe(at, at.yaw_rad + room.level_rad, room.sigma_rad**2 + rule.view_rad**2)
+        settled = 1.0 - math.exp(-(stamp_s - last.stamp_s) / rule.settle_s)
+        part = (-self._error_rad - self._corrected_rad) * settled
+        self._corrected_rad += part
+        return part
 
-    def observe(self, room: RoomAxes) -> "RoomCompass":
-        """Update with a view of the room in one of the latest steps."""
-        at = next((item for item in reversed(self.past) if item.stamp_s <= room.stamp_s), None)
-        if at is None or room.level_rad is None:
-            return self
-        direction_rad, variance_rad2 = at.yaw_rad + room.level_rad, room.sigma_rad**2 + self.rule.view_rad**2
+    def _observe(self, at: Heading, direction_rad: float, variance_rad2: float) -> None:
+        """Update with a view of the room in a step, by its direction."""
         drift_rad2 = at.variance_rad2 - (self.views[-1].odometry_rad2 if self.views else 0.0)
         if not self.views or drift_rad2 > AMBIGUOUS_RAD**2:
-            begun = replace(
-                self,
-                prior=_initial_prior(self.error_rad),
-                wings_rad=(),
-                unexplained_rad=(),
-                unobserved_rad2=self.unobserved_rad2 + self.error_rad2 + drift_rad2,
-            )
-            return begun._smoothed((RoomView(direction_rad, variance_rad2, at.variance_rad2),))
-        expected_rad = self.room_rad + self.error_rad
-        off_rad = min((_wrapped(direction_rad - expected_rad - wing) for wing in (0.0, *self.wings_rad)), key=abs)
-        if abs(off_rad) > CLEAR_SIGMAS * math.sqrt(2.0 * variance_rad2 + max(drift_rad2, CERTAIN_RAD2)):
-            return self._unexplained(_wrapped(direction_rad - expected_rad))
-        view = RoomView(expected_rad + off_rad, variance_rad2, at.variance_rad2)
-        return replace(self, unexplained_rad=())._smoothed((*self.views, view))
+            self._prior, self.views = _initial_prior(self._error_rad), []
+            self._wings_rad.clear()
+            self._unobserved_rad2 = self._unobserved_rad2 + self._error_rad2 + drift_rad2
+        else:
+            expected_rad = self._room_rad + self._error_rad
+            from_room_rad = _wrapped(direction_rad - expected_rad)
+            wings = (_wrapped(direction_rad - expected_rad - wing) for wing in self._wings_rad)
+            off_rad = min((from_room_rad, *wings), key=abs)
+            if abs(off_rad) > CLEAR_SIGMAS * math.sqrt(2.0 * variance_rad2 + max(drift_rad2, CERTAIN_RAD2)):
+                self._count_unexplained(from_room_rad)
+                return
+            direction_rad = expected_rad + off_rad
+        self._unexplained_rad.clear()
+        self.views.append(RoomView(direction_rad, variance_rad2, at.variance_rad2))
+        self._smooth()
 
-    def correct(self, span_s: float) -> "tuple[RoomCompass, float]":
-        """The correction of a motion's yaw, rad, over this time, and the compass after it."""
-        part = (-self.error_rad - self.corrected_rad) * (1.0 - math.exp(-span_s / self.rule.settle_s))
-        return replace(self, corrected_rad=self.corrected_rad + part), part
-
-    def _unexplained(self, off_rad: float) -> "RoomCompass":
+    def _count_unexplained(self, off_rad: float) -> None:
         """Counts a view that fits no direction of the room. off_rad: from the first direction."""
-        outliers = (*self.unexplained_rad, off_rad)[-self.rule.alike :]
+        outliers = self._unexplained_rad
+        outliers.append(off_rad)
         spread_rad = [_wrapped(item - off_rad) for item in outliers]
-        if len(outliers) < self.rule.alike or max(spread_rad) - min(spread_rad) > CLEAR_SIGMAS * self.rule.view_rad:
-            return replace(self, unexplained_rad=outliers)
-        wing_rad = _wrapped(off_rad + sum(spread_rad) / len(spread_rad))
-        return replace(self, wings_rad=(*self.wings_rad, wing_rad)[-WINGS:], unexplained_rad=())
+        if len(outliers) == outliers.maxlen and max(spread_rad) - min(spread_rad) <= CLEAR_SIGMAS * self._rule.view_rad:
+            self._wings_rad.append(_wrapped(off_rad + sum(spread_rad) / len(spread_rad)))
+            outliers.clear()
 
-    def _smoothed(self, views: tuple[RoomView, ...]) -> "RoomCompass":
+    def _smooth(self) -> None:
         """The drift at each view and the room's direction, by reweighted least squares (Geman and McClure)."""
-        count, directions = len(views), np.array([view.direction_rad for view in views])
+        views, count = self.views, len(self.views)
+        directions = np.array([view.direction_rad for view in views])
         variance = np.array([view.variance_rad2 for view in views])
         drift_rad2 = np.maximum(np.diff([view.odometry_rad2 for view in views]), CERTAIN_RAD2)
         drifts, ends = np.diff(np.eye(count, count + 1), axis=0), np.ix_([0, count], [0, count])
         fixed, fixed_rhs = drifts.T / drift_rad2 @ drifts, np.zeros(count + 1)
-        fixed[ends] += self.prior[0]
-        fixed_rhs[[0, count]] += self.prior[1]
+        fixed[ends] += self._prior[0]
+        fixed_rhs[[0, count]] += self._prior[1]
         weight, solution, normal = 1.0 / variance, fixed_rhs, fixed
         for _ in range(ROUNDS):
             normal = fixed + np.diag(np.append(weight, weight.sum()))
@@ -162,16 +158,12 @@ class RoomCompass:
             rhs = fixed_rhs + np.append(weight * directions, weight @ directions)
             solution = np.linalg.solve(normal, rhs)
             residual2 = (directions - solution[:count] - solution[count]) ** 2 / variance
-            weight = 1.0 / (variance * (1.0 + residual2 / self.rule.outlier**2) ** 2)
-        error_rad, room_rad = solution[-2:].tolist()
-        error_rad2 = float(np.linalg.inv(normal)[count - 1, count - 1])
-        solved = replace(self, views=views, error_rad=error_rad, room_rad=room_rad, error_rad2=error_rad2)
-        return solved._marginalised(float(weight[0]), float(drift_rad2[0])) if count > VIEWS else solved
-
-    def _marginalised(self, weight: float, drift_rad2: float) -> "RoomCompass":
-        """Marginalises the first view, which had this weight, rad^-2, into the prior. drift_rad2: up to the next."""
-        covariance = np.linalg.inv(self.prior[0] + weight)
-        mean = covariance @ (self.prior[1] + weight * self.views[0].direction_rad)
-        covariance[0, 0] += drift_rad2
-        information = np.linalg.inv(covariance)
-        return replace(self, views=self.views[1:], prior=(information, information @ mean))
+            weight = 1.0 / (variance * (1.0 + residual2 / self._rule.outlier**2) ** 2)
+        self._error_rad, self._room_rad = solution[-2:].tolist()
+        self._error_rad2 = float(np.linalg.inv(normal)[count - 1, count - 1])
+        if count > VIEWS:  # the first view becomes part of the prior
+            covariance = np.linalg.inv(self._prior[0] + weight[0])
+            mean = covariance @ (self._prior[1] + weight[0] * views.pop(0).direction_rad)
+            covariance[0, 0] += drift_rad2[0]
+            information = np.linalg.inv(covariance)
+            self._prior = information, information @ mean

@@ -71,5 +71,7 @@ def at_height(y_m, sigma_m):
 def test_poses_compose_and_invert():
     a, b = LensPose(turned(0.3, -0.1), np.array([1.0, 2.0, 3.0])), LensPose(turned(-0.2), np.array([0.1, 0.0, 0.4]))
     point = np.array([0.5, -0.3, 2.0])
-    np.testing.assert_allclose((a @ b).apply(point), a.apply(b.apply(point)))
-    np.testing.assert_allclose((a @ a.inverse()).apply(point), point, atol=1e-12)
+    inner = b.rotation @ point + b.position_m
+    np.testing.assert_allclose((a @ b).rotation @ point + (a @ b).position_m, a.rotation @ inner + a.position_m)
+    none = a @ a.inverse()
+    np.testing.assert_allclose(np.column_stack([none.rotation, none.position_m]), np.eye(3, 4), atol=1e-12)

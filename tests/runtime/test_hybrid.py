@@ -83,11 +83,11 @@ def at(stamp_s):
     return Frame(round(10 * stamp_s), stamp_s, FRAME.image)
 
 
-def test_a_guess_coasts_for_a_moment_and_is_blind_then():
+def test_a_guess_coasts_for_a_moment_and_rests_then():
     camera = [motion(0.0, 1.0), motion(0.1, 0.01), *[motion(0.0, 1.0, fault="lost")] * 13]
-    states = [step.state for step in steps_of(of(camera=camera), 15)]
-    assert states[:2] == [MotionState.UNMEASURED, MotionState.MEASURED]
-    assert states[2:] == [MotionState.COASTING] * 10 + [MotionState.BLIND] * 3
+    steps = steps_of(of(camera=camera), 15)
+    assert [step.state for step in steps] == [MotionState.UNMEASURED, MotionState.MEASURED] + [MotionState.BLIND] * 13
+    assert [step.motion.x_m > 0.0 for step in steps[2:]] == [True] * 10 + [False] * 3
 
 
 def test_an_uncertain_last_motion_is_not_repeated_while_nothing_is_seen():

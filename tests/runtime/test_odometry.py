@@ -184,7 +184,7 @@ def test_the_window_is_less_sure_where_part_of_the_picture_moves_by_itself():
 
 @pytest.fixture
 def paper_step(tmp_path):
-    """paper_step(window) -> an odometry of the painted head and a call that steps it."""
+    """paper_step(window) -> a call that steps an odometry of the painted head, its attribute."""
 
     def made(window=None):
         options = {} if window is None else {"window": window}
@@ -192,7 +192,12 @@ def paper_step(tmp_path):
         odometry = PaperOdometry(bundle)
         features = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
         image = np.zeros((64, 64, 3), np.uint8)
-        return lambda stamp_s=0.0: odometry.step(Frame(0, stamp_s, image), features)
+
+        def step(stamp_s=0.0):
+            return odometry.step(Frame(0, stamp_s, image), features)
+
+        step.odometry = odometry
+        return step
 
     return made
 
@@ -207,6 +212,15 @@ def test_paper_head_carries_its_state_and_forgets_it_over_a_gap(paper_step):
     assert late.blind
     assert [fault.kind for fault in late.faults] == [FaultKind.ODOMETRY]
     assert step(60.0).motion.x_m == pytest.approx(0.01)
+
+
+def test_a_guess_before_a_rest_is_undone_by_the_next_picture(paper_step):
+    step = paper_step()
+    assert [step(k / 10.0).motion.x_m for k in range(3)] == pytest.approx([0.0, 0.01, 0.02])
+    guess = step.odometry.step_blind(0.3, None).motion.x_m
+    step.odometry.rest(0.4)
+    assert guess > 0.0
+    assert guess + step(0.5).motion.x_m == pytest.approx(0.03)
 
 
 def test_a_head_with_a_window_starts_anew_from_the_last_frame(paper_step):

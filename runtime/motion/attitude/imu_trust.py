@@ -113,19 +113,21 @@ class ImuTrust:
         if fault:
             return samples, fault
         self._count(len(samples))
-        if not len(samples):
-            return self._with_fault(samples)
-        self._recent = ImuSamples.joined([self._recent, samples]).between(stamp_s - self._judge.reach_s, stamp_s)
-        self._compare(moved, up, bias)
-        before_s = self._step[1]
-        span_s = stamp_s - before_s if math.isfinite(before_s) else 0.0
-        gyro, accel = self._sensors
-        good = gyro.judge(samples.gyro_rad_s, span_s) & accel.judge(samples.accel_m_s2, span_s)
-        known = good.all() and not self.forceless and 0.0 < span_s < APART_S and (moved is None or moved[0] != SE2())
-        doubted = self._weigh_turns(samples, span_s if known else 0.0, bias)
-        self._step = before_s, stamp_s
-        self._turned_rad = float((samples.gyro_rad_s.mean(axis=0) - bias) @ up) * span_s
-        return self._with_fault(samples.rows(good & (not doubted)))
+        if len(samples):
+            self._recent = ImuSamples.joined([self._recent, samples]).between(stamp_s - self._judge.reach_s, stamp_s)
+            self._compare(moved, up, bias)
+            before_s = self._step[1]
+            span_s = stamp_s - before_s if math.isfinite(before_s) else 0.0
+            gyro, accel = self._sensors
+            good = gyro.judge(samples.gyro_rad_s, span_s) & accel.judge(samples.accel_m_s2, span_s)
+            known = good.all() and not self.forceless and 0.0 < span_s < APART_S
+            known &= moved is None or moved[0] != SE2()
+            doubted = self._weigh_turns(samples, span_s if known else 0.0, bias)
+            self._step = before_s, stamp_s
+            self._turned_rad = float((samples.gyro_rad_s.mean(axis=0) - bias) @ up) * span_s
+            samples = samples.rows(good & (not doubted))
+        before, self._reason = self._reason, self._guilty()
+        return samples, _news(before, self._reason, "the IMU is left out", "the IMU (gyro and accelerometer)")
 
     def _of_frame(self, samples: ImuSamples, stamp_s: float) -> ImuSamples:
         """The samples up to the frame; none where the newest is more than APART_S from its stamp."""
@@ -135,11 +137,6 @@ class ImuTrust:
         self._off_clock_s = stamp_s - float(samples.stamps_s[-1])
         self._off_clock = self._off_clock + 1 if abs(self._off_clock_s) > APART_S else 0
         return ImuSamples.none() if self._off_clock else samples.between(stamp_s - HISTORY_S, stamp_s)
-
-    def _with_fault(self, samples: ImuSamples) -> tuple[ImuSamples, Fault | None]:
-        """The samples, and a fault where their exclusion begins or ends."""
-        before, self._reason = self._reason, self._guilty()
-        return samples, _news(before, self._reason, "the IMU is left out", "the IMU (gyro and accelerometer)")
 
     def _count(self, samples: int) -> None:
         """Counts the frames per sample while no frame brings two: several at once are a driver's packet, not a low

@@ -60,8 +60,8 @@ class Coasting:
         """Coasting starts at this stamp, up to which the motion was measured."""
         self._last_s = self._blind_from_s = stamp_s
 
-    def guess(self, stamp_s: float, *faults: Fault) -> Motion:
-        """The motion since the last stamp, blind."""
+    def guess(self, stamp_s: float, *faults: Fault | None) -> Motion:
+        """The motion since the last stamp, blind, with these faults, of which some may be None."""
         if not math.isfinite(self._last_s):
             self.begin(stamp_s - LONGEST_DT_S)
         before_s = self._last_s - self._blind_from_s
@@ -69,5 +69,5 @@ class Coasting:
         self._last_s = self._blind_from_s + after_s
         carried_s = max(0.0, min(after_s, LONGEST_DT_S) - min(before_s, LONGEST_DT_S))
         covariance = np.diag(self._sigmas**2 * (after_s**2 - before_s**2))
-        state = MotionState.COASTING if carried_s > 0.0 and self._velocity.any() else MotionState.BLIND
-        return Motion(SE2(*(self._velocity * carried_s)), covariance, faults, state)
+        motion = SE2(*(self._velocity * carried_s))
+        return Motion(motion, covariance, tuple(filter(None, faults)), MotionState.BLIND)

@@ -53,16 +53,6 @@ class CornersRule:
         return (self.window_px + 1) // 2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Found:
-    """Corners that were found again, in the picture before. turn (3, 3), way (3,): rotation and direction of the
-    motion, which take points of the lens before into the lens of now."""
-
-    before: ImagePoints
-    turn: Array
-    way: Array
-
-
 class Picture:
     """A grey picture at the working width, and its cached filtered versions. depth: (H, W) metres of the frame."""
 
@@ -167,9 +157,11 @@ class CornerTracker:
             self._add(moved[good], (before[mine] + off)[good], ids[mine][good])
         return self.ids[count:]
 
-    def find_again(self, far_px: float) -> Found | None:
+    def find_again(self, far_px: float) -> tuple[ImagePoints, Array, Array] | None:
         """Adds corners by the descriptors of both pictures (ORB, Rublee et al. 2011), where they agree with one rigid
-        motion (Nister 2004) and half of them have moved by far_px: of a short step this is not the motion."""
+        motion (Nister 2004) and half of them have moved by far_px: of a short step this is not the motion. Returns them
+        in the picture before, and rotation (3, 3) and direction (3,) of the motion, which take points of the lens
+        before into the lens of now."""
         orb = cv2.ORB.create(FEATURES, edgeThreshold=ORB_BORDER_PX)
         first, of_first = orb.detectAndCompute(self._last.grey, None)
         second, of_second = orb.detectAndCompute(self._picture.grey, self._still)
@@ -196,7 +188,7 @@ class CornerTracker:
         ids = self._add(now[inside], before)
         points, inverse_m = self.bearings(before), self._inverse_depths(before, self._last)
         found = ImagePoints(ids, points, np.zeros_like(points), floor[inside], inverse_m)
-        return Found(found, np.asarray(turn, np.float64), np.asarray(way, np.float64).ravel())
+        return found, np.asarray(turn, np.float64), np.asarray(way, np.float64).ravel()
 
     def seek(self, more: float, scattered: bool) -> None:
         """Replaces missing corners, first on the floor: a wall's contrast must not hide it. Elsewhere as many as are

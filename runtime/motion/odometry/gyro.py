@@ -5,10 +5,8 @@ import numpy as np
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
-from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, STILL, FramePrior, Motion, Odometry, blind_motion
+from edgemap.runtime.motion.odometry.protocol import STILL, Motion, Odometry, blind_motion
 from edgemap.runtime.motion.trust import UNPROVEN
-from edgemap.runtime.network.network import Tensors
 
 
 class GyroOdometry(Odometry):
@@ -17,28 +15,20 @@ class GyroOdometry(Odometry):
 
     name = "gyro"
 
-    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
-        """The yaw since the last frame."""
-        return _yaw_motion(frame.stamp_s, prior.attitude)
-
-    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """The yaw since the last frame; a gyro needs no picture."""
-        return _yaw_motion(stamp_s, attitude)
+    def step_blind(self, stamp_s: float, reason: Fault | None, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+        """The yaw since the last frame, of unknown translation where the accelerometer integrated none; a gyro needs no
+        picture."""
+        if attitude is None or attitude.rotation is None:
+            return blind_motion(Fault(FaultKind.GYRO, f"gyro odometry: no samples up to {stamp_s:.3f} s"))
+        rotation = attitude.rotation
+        unproved = 0.0 if rotation.proved else UNPROVEN[2]  # it may be late, and its sign and scale wrong
+        x_m, y_m, covariance = 0.0, 0.0, np.diag([*UNPROVEN[:2], rotation.sigma_rad**2 + unproved])
+        if rotation.displaced is not None:
+            (x_m, y_m), covariance[:2, :2] = rotation.displaced
+        return Motion(SE2(x_m, y_m, rotation.yaw_rad), covariance)
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
         """Whether the yaw is within the gyro's noise."""
         if attitude is None or attitude.rotation is None:
             return None
         return abs(attitude.rotation.yaw_rad) < STILL + attitude.rotation.sigma_rad
-
-
-def _yaw_motion(stamp_s: float, attitude: Attitude | None) -> Motion:
-    """A gyro's rotation as a motion, of unknown translation where the accelerometer integrated none."""
-    if attitude is None or attitude.rotation is None:
-        return blind_motion(Fault(FaultKind.GYRO, f"gyro odometry: no samples up to {stamp_s:.3f} s"))
-    rotation = attitude.rotation
-    unproved = 0.0 if rotation.proved else UNPROVEN[2]  # it may be late, and its sign and scale wrong
-    x_m, y_m, covariance = 0.0, 0.0, np.diag([*UNPROVEN[:2], rotation.sigma_rad**2 + unproved])
-    if rotation.displaced is not None:
-        (x_m, y_m), covariance[:2, :2] = rotation.displaced
-    return Motion(SE2(x_m, y_m, rotation.yaw_rad), covariance)

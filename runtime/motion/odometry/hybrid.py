@@ -90,7 +90,7 @@ class HybridOdometry(Odometry):
         fused_motion = self._fused(frame.stamp_s, motions, prior.covered, movers)
         return self._corrected(frame.stamp_s, fused_motion, prior.attitude)
 
-    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
+    def step_blind(self, stamp_s: float, reason: Fault | None, attitude: Attitude | None = None) -> Motion:
         """The motion by the sources that need no picture."""
         motions = {name: source.step_blind(stamp_s, reason, attitude) for name, source in self._sources.items()}
         return self._corrected(stamp_s, self._fused(stamp_s, motions), attitude)
@@ -174,15 +174,8 @@ class HybridOdometry(Odometry):
 
     def _corrected(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
         """The motion with its heading corrected by the room's edges."""
-        if not self._compass.past:
-            self._compass = self._compass.predict(stamp_s, 0.0, 0.0)
-            return motion
-        span_s = stamp_s - self._compass.past[-1].stamp_s
-        compass = self._compass.predict(stamp_s, motion.motion.yaw_rad, float(motion.covariance[2, 2]))
-        if attitude is not None and attitude.room is not None:
-            compass = compass.observe(attitude.room)
-        self._compass, turned_rad = compass.correct(span_s)
-        x_m, y_m, yaw_rad = motion.motion.vector()
+        (x_m, y_m, yaw_rad), yaw_rad2 = motion.motion.vector(), float(motion.covariance[2, 2])
+        turned_rad = self._compass.update(stamp_s, yaw_rad, yaw_rad2, attitude and attitude.room)
         covariance = motion.covariance + np.diag([0.0, 0.0, turned_rad**2])
         heading = SE2(x_m, y_m, yaw_rad + turned_rad)
         return replace(motion, motion=heading, covariance=covariance, heading_rad2=self._compass.heading_rad2)

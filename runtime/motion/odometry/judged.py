@@ -59,7 +59,7 @@ class JudgedOdometry(Odometry):
         due, self._last_s = self._judge.add(self._last_s, stamp_s, seen.moved()), stamp_s
         return self._chosen(given, seen, stamp_s, self._contradicted(stamp_s) if due and not self._wrong else "")
 
-    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
+    def step_blind(self, stamp_s: float, reason: Fault | None, attitude: Attitude | None = None) -> Motion:
         """The external motion; it needs no picture."""
         seen = self._camera.step_blind(stamp_s, reason, attitude)
         self._last_s = -math.inf

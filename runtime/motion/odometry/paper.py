@@ -69,15 +69,16 @@ class PaperOdometry(Odometry):
         self._coasting.saw(motion, frame.stamp_s, self._covariance)
         return Motion(motion, self._covariance + blind)
 
-    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+    def step_blind(self, stamp_s: float, reason: Fault | None, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """A guess; the next picture measures the motion since the last one."""
         guess = self._coasting.guess(stamp_s, reason)
         self._guessed, self._blind_covariance = self._guessed @ guess.motion, self._blind_covariance + guess.covariance
         return guess
 
     def rest(self, stamp_s: float) -> Motion:
-        """The robot stood until this stamp, for which the last picture is still valid."""
-        self._last_s, self._guessed, self._blind_covariance = stamp_s, SE2(), np.zeros((3, 3))
+        """The robot stood until this stamp, for which the last picture is still valid; a guess since that one stays, so
+        that the next picture undoes it."""
+        self._last_s = stamp_s
         self._coasting.saw(SE2(), stamp_s)
         return no_motion()
 

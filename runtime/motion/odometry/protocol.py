@@ -50,12 +50,10 @@ def unknown_covariance() -> Array:
 
 
 class MotionState(Enum):
-    """Origin of a motion. MEASURED. COASTING: no measurement, the last velocity extrapolated. BLIND: no measurement, a
-    guess. UNMEASURED: the first frame, which has no predecessor.
-    """
+    """Origin of a motion. MEASURED. BLIND: no measurement, a guess. UNMEASURED: the first frame, which has no
+    predecessor."""
 
     MEASURED = "measured"
-    COASTING = "coasting"
     BLIND = "blind"
     UNMEASURED = "unmeasured"
 
@@ -93,7 +91,7 @@ class Motion:
     @property
     def blind(self) -> bool:
         """Whether it is a guess where there was something to measure."""
-        return self.state in (MotionState.COASTING, MotionState.BLIND)
+        return self.state is MotionState.BLIND
 
     def moved(self) -> tuple[SE2, Array] | None:
         """The motion that the next frame is judged by, without the gyro's contribution; None where it was not measured,
@@ -152,8 +150,9 @@ NO_PRIOR = FramePrior()
 
 
 class Odometry(Protocol):
-    """Fed every frame in order. The first step gives identity, covariance unknown. A subclass has `step` and
-    `step_blind`; as it is, only pictures show it whether the robot stands, and at rest it has nothing to store.
+    """Fed every frame in order. The first step gives identity, covariance unknown. A subclass has `step_blind` and, if
+    it needs pictures, `step`; as it is, only pictures show it whether the robot stands, and at rest it has nothing to
+    store.
 
     needs_features: whether it cannot measure where the backbone did not run.
     """
@@ -161,12 +160,12 @@ class Odometry(Protocol):
     name: str
     needs_features: bool = False
 
-    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
+    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
         """The motion since the frame of the previous step. features: the backbone's outputs of this frame, empty where
-        it did not run."""
-        ...
+        it did not run. As it is, the motion that needs no picture."""
+        return self.step_blind(frame.stamp_s, None, prior.attitude)
 
-    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:
+    def step_blind(self, stamp_s: float, reason: Fault | None, attitude: Attitude | None = None) -> Motion:
         """The motion from the previous step to a stamp without a picture, or with one that cannot be trusted.
 
         Wheels and gyro keep measuring; an odometry that needs pictures is blind. reason: why the picture is missing.

@@ -10,19 +10,8 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import Fault, FaultKind
-from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import EDGE_S, PoseTrack
-from edgemap.runtime.motion.odometry.protocol import (
-    NO_PRIOR,
-    STILL,
-    FramePrior,
-    Motion,
-    Odometry,
-    blind_motion,
-    first_motion,
-    no_motion,
-)
-from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.motion.odometry.protocol import STILL, Motion, Odometry, blind_motion, first_motion, no_motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,27 +63,8 @@ class RecordedOdometry(Odometry):
         self._last: SE2 | None = None
         self._last_s = -math.inf
 
-    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
-        """The recorded motion since the last frame."""
-        return self._to(frame.stamp_s)
-
-    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """The recorded motion: it needs no picture."""
-        return self._to(stamp_s)
-
-    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
-        """Whether the recorded motion since the last step is zero."""
-        pose, fault = self._pose(stamp_s)
-        if self._last is None or pose is None or fault:
-            return None
-        return (self._last.inverse() @ pose).is_within(STILL)
-
-    def rest(self, stamp_s: float) -> Motion:
-        """Zero motion; continues from the stamp."""
-        self._to(stamp_s)
-        return no_motion()
-
-    def _to(self, stamp_s: float) -> Motion:
+    def step_blind(self, stamp_s: float, reason: Fault | None, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+        """The recorded motion since the last step: it needs no picture."""
         pose, fault = self._pose(stamp_s)
         last, self._last, first = self._last, pose, not math.isfinite(self._last_s)
         self._last_s = stamp_s
@@ -105,6 +75,18 @@ class RecordedOdometry(Odometry):
             return blind_motion(Fault(self._kind, f"odometry {self.name}: {text}"))
         motion = last.inverse() @ pose
         return Motion(motion, self._drift.covariance(motion))
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
+        """Whether the recorded motion since the last step is zero."""
+        pose, fault = self._pose(stamp_s)
+        if self._last is None or pose is None or fault:
+            return None
+        return (self._last.inverse() @ pose).is_within(STILL)
+
+    def rest(self, stamp_s: float) -> Motion:
+        """Zero motion; continues from the stamp."""
+        self.step_blind(stamp_s, None)
+        return no_motion()
 
     def _pose(self, stamp_s: float) -> tuple[SE2 | None, str]:
         """The pose at a stamp, and why there is none or no valid motion to it; empty where there is."""

@@ -6,14 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation, rotation_angle
 from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.mount import Mount, up_optical
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.mount_tilt import MountTiltRule
 from edgemap.geometry.odometry.keyframe_window import KeyframeWindow, WindowRule, heading_slope, rows_of
-from edgemap.geometry.odometry.readout import Readout
 from edgemap.geometry.odometry.resection import LensPose
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.odometry.window_factors import PoseFactors
@@ -76,8 +74,7 @@ class WindowOdometry(Odometry):
     ) -> None:
         self._rule, tilt = rule or PicturesRule(), tilt or MountTiltRule()
         self._unit_m, self._in_room = camera.mount.platform.unit_m, camera.mount.platform.in_room
-        window = self._rule.window
-        self._window_rule = replace(window, depth_sigma=self._unit_m * window.depth_sigma)
+        window = replace(self._rule.window, depth_sigma=self._unit_m * self._rule.window.depth_sigma)
         self._tilt_rad, self._edges_rad = (tilt.nod / 2.0, tilt.prior), tilt.seen
         self._tracker = CornerTracker(camera, self._rule.corners, self._unit_m)
         self._level = self._camera = FloorCamera(self._tracker.intrinsics, _in_units(camera.mount, self._unit_m))
@@ -86,7 +83,8 @@ class WindowOdometry(Odometry):
         self.judged = begun.certain() if carried else begun
         self._rolling = Rolling.of_mount(self._rule.slip_share, self._level.mount)
         self._coasting, self._seen_s = Coasting(coasting), -math.inf
-        self._graph, self._base = self._empty(Readout()), SE2()
+        lens, mount, reach = self._level.intrinsics, self._level.mount, self._rule.corners.reach_heights
+        self._graph, self._base = KeyframeWindow(window, lens.fx, mount, reach), SE2()
         self._motion, self._skipped = SE2(), False
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))  # of the motion without pictures
 
@@ -94,7 +92,7 @@ class WindowOdometry(Odometry):
         """Tracks the corners of the previous frame into this frame and estimates the motion between both."""
         return self._metric(self._followed(frame, prior))
 
-    def step_blind(self, stamp_s: float, reason: Fault, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+    def step_blind(self, stamp_s: float, reason: Fault | None, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """Predicts the motion without a picture. Keeps the tracks: the next picture measures the motion since the
         previous one.
         """
@@ -139,12 +137,12 @@ class WindowOdometry(Odometry):
             self._graph.average_late(ids, late)
             self._find_lost(pose)
         self._seek()
-        if weight < self._rule.least_weight:
-            return self._started_again(frame, start, factors)
-        parallax_px, carried = self._held(self._rule.parallax_px), surprised or self.judged.carried
-        self._graph.step(pose, factors, self._tracker.tracks(), parallax_px, carried)
-        self._tracker.keep(self._graph.pictures)
-        step = self._measured(frame.stamp_s, None if surprised else dt_s, gyro is not None)
+        step = None
+        if weight >= self._rule.least_weight:
+            parallax_px, carried = self._held(self._rule.parallax_px), surprised or self.judged.carried
+            self._graph.step(pose, factors, self._tracker.tracks(), parallax_px, carried)
+            self._tracker.keep(self._graph.pictures)
+            step = self._measured(frame.stamp_s, None if surprised else dt_s, gyro is not None)
         return step or self._started_again(frame, start, factors)
 
     def _seek(self) -> None:
@@ -164,16 +162,17 @@ class WindowOdometry(Odometry):
         far_px = self._rule.corners.window_px if weight >= self._rule.least_weight else 0.0
         if one or (found := tracker.find_again(far_px)) is None:
             return pose, weight
-        self._graph.add(found.before)
+        before, turn, way = found
+        self._graph.add(before)
         seen = tracker.tracks()
-        start = self._graph.bridge(seen, found.turn, found.way)
+        start = self._graph.bridge(seen, turn, way)
         return self._graph.resected(start, seen, factors)
 
     def _find_lost(self, pose: LensPose) -> None:
         """Corners that were lost since an earlier keyframe are tracked from its picture into one with this pose."""
         graph, tracker = self._graph, self._tracker
         ids, poses = graph.lost(tracker.ids)
-        numbers, near_px = np.array(graph.pictures)[poses], self._window_rule.gate_px
+        numbers, near_px = np.array(graph.pictures)[poses], self._rule.window.gate_px
         expected, before = self._projected(ids, pose), self._projected(ids, graph.poses[-1])
         found = tracker.find_lost(ids, numbers, expected, before, near_px, self._detail())
         graph.see_again(found, poses[rows_of(found, ids)])
@@ -192,7 +191,7 @@ class WindowOdometry(Odometry):
         turned_rad = math.hypot(used.pitch_rad - self._mount.pitch_rad, used.roll_rad - self._mount.roll_rad)
         self._mount = used
         if turned_rad > self._tilt_rad[0]:
-            self._graph.loosen(self._up())
+            self._graph.loosen(self._camera.mount.rotation_base_optical()[2])
         if attitude is not None and attitude.predicted and attitude.room is not None and not self._skipped:
             self._graph.see_up(attitude.room.up, self._edges_rad)
         return gyro
@@ -235,18 +234,11 @@ class WindowOdometry(Odometry):
 
     def _begin(self, start: LensPose, factors: PoseFactors) -> None:
         """A new window at this pose."""
-        self._graph = self._empty(self._graph.readout)
+        self._graph.clear()
         self._graph.step(start, factors, self._tracker.tracks())
         self._tracker.keep(self._graph.pictures)
         self._base = self._graph.base(start)
         self._since, self._since_covariance, self._skipped = SE2(), np.zeros((3, 3)), False
-
-    def _empty(self, readout: Readout) -> KeyframeWindow:
-        lens, mount, reach = self._level.intrinsics, self._level.mount, self._rule.corners.reach_heights
-        return KeyframeWindow(self._window_rule, lens.fx, mount, reach, readout, self._rolling.axle_m)
-
-    def _up(self) -> Array:
-        return up_optical(self._camera.mount.pitch_rad, self._camera.mount.roll_rad)
 
     def _factors(self, attitude: Attitude | None, gyro: GyroRotation | None) -> PoseFactors:
         """Gravity, height, gyro and wheels as factors of this picture's pose."""
@@ -260,7 +252,7 @@ class WindowOdometry(Odometry):
         if gyro is not None:
             gyro_rad = math.hypot(rule.gyro_rad + rule.gyro_share * rotation_angle(gyro.rotation), gyro.sigma_rad)
         return PoseFactors(
-            up=self._up(),
+            up=self._camera.mount.rotation_base_optical()[2],
             up_rad=up_rad,
             height_m=height_m,
             height_sigma_m=height_sigma_m,
