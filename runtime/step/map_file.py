@@ -15,7 +15,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.grid.walls import walls_of
-from edgemap.geometry.map_object import MapEvent, MapObject, MeasuredFootprint, outline_m, yaw_of, yaw_sigma_of
+from edgemap.geometry.map_object import MapEvent, MapObject, ObjectFootprint, outline_m
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity, Zone
 from edgemap.geometry.objects.approach import Approach
 from edgemap.geometry.objects.rooms import rooms_of
@@ -107,10 +107,10 @@ def object_record(item: MapObject) -> dict:
     stated |= {"confirmed": True} if item.confirmed else {}
     stated |= {"corrected": list(item.corrected)} if item.corrected else {}
     stated |= {"depth_m": round(item.depth_m, 4)} if item.depth_m is not None else {}
-    yaw_rad, sigma_rad, symmetric = yaw_of(item), yaw_sigma_of(item), (item.covariance_m2 + item.covariance_m2.T) / 2.0
+    shape, symmetric = item.footprint, (item.covariance_m2 + item.covariance_m2.T) / 2.0
     return stated | {
-        "yaw_rad": None if yaw_rad is None else round(yaw_rad, 5),
-        "yaw_sigma_rad": None if sigma_rad is None else round(sigma_rad, 5),
+        "yaw_rad": None if shape.yaw_rad is None else round(shape.yaw_rad, 5),
+        "yaw_sigma_rad": round(shape.yaw_sigma_rad, 5) if math.isfinite(shape.yaw_sigma_rad) else None,
         "footprint": [_place(corner) for corner in outline_m(item).tolist()],
         "id": item.id,
         "label": item.label,
@@ -281,18 +281,18 @@ def _object_of(record: MapObjectRecord, views: list[tuple[float, float]], where:
     )  # fmt: skip
 
 
-def _measured(record: MapObjectRecord) -> MeasuredFootprint | None:
+def _measured(record: MapObjectRecord) -> ObjectFootprint | None:
     """The measured footprint of an object; None of older maps."""
     corners = np.array(record.footprint)
     if len(corners) < 4:
         return None
     if record.yaw_rad is not None and record.yaw_sigma_rad is not None:
         depth_m, width_m = np.linalg.norm(corners[[0, 1]] - corners[[3, 0]], axis=1).tolist()
-        return MeasuredFootprint(width_m, depth_m, record.yaw_rad, record.yaw_sigma_rad)
+        return ObjectFootprint(width_m, depth_m, record.yaw_rad, record.yaw_sigma_rad)
     side_m = math.sqrt(math.pi) * float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).mean())
     usual_m = math.sqrt(math.prod(footprint_m(record.label, record.width_m)))
     is_usual = abs(side_m - usual_m) < 1e-3  # but for the file's rounding
-    return None if record.yaw_rad is not None or is_usual else MeasuredFootprint(side_m, side_m)
+    return None if record.yaw_rad is not None or is_usual else ObjectFootprint(side_m, side_m)
 
 
 def object_uuid(object_id: str, map_id: str = DEFAULT_MAP_ID) -> str:
