@@ -8,7 +8,7 @@ moves with the keyframes that observed it.
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Generator, Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from itertools import combinations, islice
 
@@ -23,9 +23,10 @@ from edgemap.geometry.objects.candidates import Candidate, Overlaps, label_poste
 from edgemap.geometry.objects.footprint import DIRECTIONS, fitted
 from edgemap.geometry.objects.positions import Positions
 from edgemap.geometry.observations.sighting import PlacedSighting
+from edgemap.geometry.slam.loop_closure import closure
 from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
-from edgemap.geometry.trajectory_correction import composed
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
 FITTED = 2  # footprints at most in one update, which bounds its time
@@ -52,29 +53,21 @@ class FloorMap:
         self._listed: list[MapObject] | None = []
         self.grid: OccupancyGrid | None = None  # that footprints are fitted to
         self._unfitted: dict[str, None] = {}  # ids of objects whose outlines have changed, oldest first
+        self._is_due = False  # maintenance, and its work that has begun
+        self._work: Generator[None, None, TrajectoryCorrection | None] | None = None
 
-    @classmethod
-    def continued(
-        cls,
-        saved: Sequence[MapObject],
-        rule: AssociationRule | None = None,
-        graph: GraphRule | None = None,
-        before: "FloorMap | None" = None,
-        merged: Mapping[str, str] | None = None,
-        taken: Iterable[str] = (),
-    ) -> "FloorMap":
-        """A map that continues an earlier one, whose objects stay unchanged until they are observed again. before,
-        merged: after a relocalisation, the map of this run so far and the new ids of its objects. taken: more ids that
-        none gets. Raises MapError for a repeated id.
+    def continued(self, saved: Sequence[MapObject], became: Mapping[str, str] | None = None) -> "FloorMap":
+        """A map that continues an earlier one, whose objects stay unchanged until they are observed again; new objects
+        get no id of this map. became: after a relocalisation, the new ids of this map's objects. Raises MapError for a
+        repeated id.
         """
-        ids = {item.id for item in saved}
+        ids, became = {item.id for item in saved}, became or {}
         if len(ids) < len(saved):
             raise MapError(f"{len(saved)} objects share {len(ids)} ids: the map is damaged")
-        floor_map = cls(rule, graph, (*ids, *taken))
-        if before is not None:
-            floor_map._ids |= before._ids
-            floor_map.merged = {old: (merged or {}).get(new, new) for old, new in before.merged.items()}
-            floor_map.merged |= {old: new for old, new in (merged or {}).items() if old != new}
+        floor_map = FloorMap(self.rule, self.graph.rule, ids)
+        floor_map._ids |= self._ids
+        floor_map.merged = {old: became.get(new, new) for old, new in self.merged.items()}
+        floor_map.merged |= {old: new for old, new in became.items() if old != new}
         for item in saved:
             landmark = floor_map.graph.add_saved(item)
             # Enough for an object, so that what stands there now outweighs what stood there.
@@ -97,6 +90,31 @@ class FloorMap:
             self._place(label, same_label, changed)
         self._fit_footprints()
         return [self._owner[one.number].id for one in landmarks]
+
+    def maintain(self, is_keyframe: bool, closes_loops: bool) -> tuple[bool, TrajectoryCorrection | None]:
+        """One unit of the work that bounds the map's size and closes loops, every few keyframes. Returns whether it has
+        ended, and the correction that it ends with. is_keyframe: whether the latest frame is one.
+
+        Counts frames, path and rotation, never time: the same frames give the same corrections.
+        """
+        self._is_due |= is_keyframe and len(self.graph.trajectory) % self.graph.rule.every == 0
+        if self._is_due and self._work is None:
+            self._is_due, self._work = False, self._maintenance(closes_loops)
+        if self._work is None:
+            return False, None
+        try:
+            next(self._work)
+        except StopIteration as end:
+            self._work = None
+            return True, end.value
+        return False, None
+
+    def _maintenance(self, closes_loops: bool) -> Generator[None, None, TrajectoryCorrection | None]:
+        self.bound()
+        yield
+        self.graph.drop_keyframes()
+        yield
+        return (yield from closure(self.graph)) if closes_loops else None
 
     def bound(self) -> None:
         """Bounds the map's size on a drive of any length: keeps only the latest landmarks that never became an object,

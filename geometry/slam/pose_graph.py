@@ -314,22 +314,20 @@ class PoseGraph:
         problem = Problem(trajectory.factors(), seen, *known, CHI2_997, self.rule.freedom)
         return Snapshot(rows, problem, trajectory.factors(loose=True), trajectory.poses, self._biases)
 
-    def correct(
-        self, solution: Solution, covariances: Array, relinked: bool, now_s: float
-    ) -> TrajectoryCorrection | None:
+    def correct(self, solution: Solution, covariances: Array, relinked: bool) -> TrajectoryCorrection | None:
         """Moves poses to the solution, with its poses' covariances (K, 3, 3). Where links are as before and no pose
         moves by more than its standard deviation, only covariances change and the result is None. relinked: whether
-        links changed; poses move then in any case. now_s: stamp of the frame of the last motion, s."""
+        links changed; poses move then in any case."""
         poses = solution.poses
         before = self.trajectory.poses[: len(poses)]
         sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
         moved = poses - before
         moved[:, 2] = wrap_angles(moved[:, 2])
         if not relinked and (np.abs(moved) <= sigmas).all():
-            self.trajectory.set_poses(before, covariances, now_s)
+            self.trajectory.set_poses(before, covariances)
             return None
         self._biases = solution.biases
-        return self.trajectory.set_poses(poses, covariances, now_s)
+        return self.trajectory.set_poses(poses, covariances)
 
     def drop_keyframes(self) -> None:
         """Drops those keyframes of the older half that are nearest to an earlier one, a radian counting as a metre. The

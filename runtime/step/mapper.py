@@ -29,7 +29,6 @@ from edgemap.runtime.frames.timing import Stopwatch, StreamTimer
 from edgemap.runtime.motion.odometry.protocol import FARTHEST_M, Motion, is_covariance
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection
 from edgemap.runtime.step.map_memory import MapMemory
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.relocalisation import Relocaliser, SavedMap
@@ -38,6 +37,15 @@ from edgemap.runtime.step.relocalisation import Relocaliser, SavedMap
 PICTURE_S = 0.1
 WIDEST_M = 50.0  # that a map becomes by what somebody states: homes are smaller, and memory grows with its square
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoopCorrection:
+    """A loop closure's result. moved_m: correction of this frame's pose. links: number of landmarks matched to earlier
+    ones so far."""
+
+    moved_m: float
+    links: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -91,7 +99,7 @@ class Mapper:
     ) -> None:
         self.config = config or Config()
         self.map, self.paper = FloorMap(self.config.association, self.config.loop_closure), paper
-        self.loop_closer = LoopCloser(closes_loops and paper is None)
+        self.closes_loops = closes_loops and paper is None
         self.forgetter = forgetter if paper is None else None
         self.relocaliser: Relocaliser | None = None
         self.grid = GridFusion(self.config.grid)
@@ -278,8 +286,7 @@ class Mapper:
             self._relocated = self.relocaliser.alignment.pose_a_b
             self._join(self.saved or SavedMap(), self.relocaliser.alignment)
         else:
-            measured = self.map.objects()
-            self.map = FloorMap.continued(measured, self.config.association, self.config.loop_closure, before=self.map)
+            self.map = self.map.continued(self.map.objects())
             self.grid.transform(SE2())  # what it is fusing belongs to the pose before
         self.pose_map_base, self.pose_covariance = pose, covariance
         return "pose"
@@ -324,16 +331,16 @@ class Mapper:
 
     def _close_loops(self, observed: FrameObservations) -> LoopCorrection | None:
         """One unit of loop closure; a correction moves pose, trajectory, map, grid and edits."""
-        graph, motion, now_s = self.map.graph, observed.motion, observed.stamp_s
+        graph, motion = self.map.graph, observed.motion
         if not len(graph.trajectory):
-            graph.trajectory.begin(self.pose_map_base, self.pose_covariance, now_s)
+            graph.trajectory.begin(self.pose_map_base, self.pose_covariance, observed.stamp_s)
             return None
-        is_keyframe = graph.trajectory.advance(motion.motion, motion.covariance, now_s, motion.heading_rad2)
-        ended, past = self.loop_closer.step(self.map, is_keyframe, now_s)
+        is_keyframe = graph.trajectory.advance(motion.motion, motion.covariance, observed.stamp_s, motion.heading_rad2)
+        ended, past = self.map.maintain(is_keyframe, self.closes_loops)
         if ended:
             self.pose_covariance = graph.trajectory.covariance
         if motion.instead is not None and self.paper is None:
-            replaced = graph.trajectory.replace_motions(motion.instead, now_s, motion.in_map)
+            replaced = graph.trajectory.replace_motions(motion.instead, motion.in_map)
             past = replaced if past is None else past.compose(replaced)
         if past is None:
             return None
@@ -374,9 +381,9 @@ class Mapper:
 
     def _join(self, saved: SavedMap, alignment: Alignment) -> dict[str, str]:
         """Merges the saved map and this run's, in the saved one's frame. Returns the new ids of this run's objects."""
-        association, loop_closure = self.config.association, self.config.loop_closure
-        merged, became = merge_maps(saved.measured, self.map.objects(), alignment, loop_closure.landmarks)
-        self.map = FloorMap.continued(merged, association, loop_closure, self.map, became)
+        rule = self.config.loop_closure.landmarks
+        merged, became = merge_maps(saved.measured, self.map.objects(), alignment, rule)
+        self.map = self.map.continued(merged, became)
         self.pose_covariance = compose_covariance(
             alignment.pose_a_b, alignment.covariance, self.pose_map_base, self.pose_covariance
         )
@@ -385,7 +392,7 @@ class Mapper:
         self.grid.transform(alignment.pose_a_b)
         if saved.grid is not None:
             self.grid.continue_from(saved.grid)
-        self.memory.enter(saved.objects, saved.annotations, saved.grid, became)
+        self.memory.enter(saved, became)
         self.edits.enter(saved.objects, saved.annotations, alignment.pose_a_b)
         return became
 

@@ -214,7 +214,7 @@ def test_the_past_moves_and_what_comes_after_the_solution_follows_it():
     turned = [(SE2(0, 0, 0.5) @ SE2(*pose)).vector() for pose in before]
     solved = np.array(turned[:3])  # the fourth keyframe was made while the solver was at work
     covariances = np.array([0.2, 0.5, 1.0])[:, None, None] * covariance
-    correction = trajectory.set_poses(solved, covariances, 1.1)
+    correction = trajectory.set_poses(solved, covariances)
     np.testing.assert_allclose(correction.moved_poses([0.0, 0.3, 0.6, 0.9, 1.0], [*before, before[-1]])[:4], turned)
     assert trajectory.pose.vector() == pytest.approx((SE2(0, 0, 0.5) @ SE2(*before[-1]) @ trajectory.since).vector())
     now = trajectory.pose.vector()
@@ -250,7 +250,7 @@ def test_headings_of_a_compass_tell_as_much_together_as_one_of_them():
     assert before.headings == pytest.approx([0.5, 0.6, 0.7, 0.8])
     assert before.heading_information == pytest.approx([0.0, 12.5, 0.0, 12.5])  # together 25, as one of them
     turned = way.poses + [0.0, 0.0, 0.2]
-    way.set_poses(turned, np.zeros((4, 3, 3)), 0.4)
+    way.set_poses(turned, np.zeros((4, 3, 3)))
     assert way.factors().headings == pytest.approx(before.headings)  # they were measured, and stay what they were
     way.drop({1})
     assert way.factors().headings == pytest.approx([0.5, 0.7, 0.8])

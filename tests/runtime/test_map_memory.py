@@ -128,7 +128,9 @@ def test_an_older_map_gets_an_id_of_its_content_and_keeps_it(tmp_path):
 def remembering(saved, grid=FREE_FLOOR):
     memory = MapMemory()
     memory.clock.note(0.0, ClockReading(0.0, NOON))
-    memory.enter([replace(item, first_seen=NOON - 99.0, last_seen=NOON - 50.0) for item in saved], NO, grid)
+    memory.enter(
+        SavedMap([replace(item, first_seen=NOON - 99.0, last_seen=NOON - 50.0) for item in saved], NO, grid), {}
+    )
     memory.begin(10.0, FREE_FLOOR)
     memory.annotated(saved, {})
     return memory
