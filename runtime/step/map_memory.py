@@ -153,15 +153,14 @@ class MapMemory:
         self._vanished.pop(item.id, None)
         for new in [new for new, old in self._moved_from.items() if old == item.id]:  # it has not moved
             del self._moved_from[new], self._earlier[new], self._sighted[new]
-            self._appear(self._standing[new])
+            for row, (stamp_s, event) in enumerate(self._events.get(new, ())):
+                if event.what == "moved" and event.other:
+                    self._events[new][row] = stamp_s, MapEvent("appeared", to_m=event.to_m)
         events = [one for one in self._events.pop(item.id, []) if one[1].what not in ("vanished", "missed")]
         if events:
             self._events[item.id] = events
         elif item.id not in self._earlier:
-            self._appear(item)
-
-    def _appear(self, item: MapObject) -> None:
-        self._events[item.id] = [(item.first_seen_s, MapEvent("appeared", to_m=item.place_m))]
+            self._events[item.id] = [(item.first_seen_s, MapEvent("appeared", to_m=item.place_m))]
 
     def _heir(self, item: MapObject, objects: Sequence[MapObject]) -> str | None:
         """The id of a new object of a class that stands where one has left: it is that one."""

@@ -186,6 +186,15 @@ def test_what_was_missed_is_moved_once_its_place_is_seen_to_be_free():
     assert [event.what for event in shown[1].history] == ["moved"]
 
 
+def test_what_was_moved_may_leave_before_the_first_one_is_back():
+    memory = remembering(ROOM)
+    for shown in ([ROOM[1], MOVED], [ROOM[1], MOVED], [ROOM[1]], ROOM):
+        objects = memory.annotated(shown, {})
+    assert [(item.id, item.earlier) for item in objects] == [("chair-1", True), ("couch-1", True)]
+    (gone,) = memory.annotations(NO).vanished
+    assert (gone.id, [event.what for event in gone.history]) == ("chair-2", ["appeared", "vanished"])
+
+
 def test_what_is_there_under_a_new_id_has_not_vanished():
     memory = remembering(ROOM)
     new = replace(ROOM[0], id="chair-7", first_seen_s=9.0, last_seen_s=10.0, position_m=np.array([1.05, 0.0]))
