@@ -82,10 +82,9 @@ def approach(
     return best[1]
 
 
-def room_pose(room: Room, grid: OccupancyGrid, rule: ApproachRule | None = None) -> SE2:
+def room_pose(room: Room, grid: OccupancyGrid, rule: ApproachRule) -> SE2:
     """The pose inside a room that is farthest from everything that is not free floor. Raises MapError where no place
     in it is wide enough for the robot."""
-    rule = rule or ApproachRule()
     free = np.pad(grid.cells == FREE, 1)
     clear_m = np.asarray(distance_transform_edt(free))[1:-1, 1:-1] * grid.cell_m
     centres_m = grid.centres_m(np.ones(grid.cells.shape, np.bool_))

@@ -24,7 +24,7 @@ from edgemap.geometry.objects.footprint import DIRECTIONS, fitted
 from edgemap.geometry.objects.positions import Positions
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.loop_closure import closure
-from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
+from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations, stacked
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
@@ -46,9 +46,8 @@ class FloorMap:
         self._owner: dict[int, Candidate] = {}  # by landmark
         self._positions: defaultdict[str, Positions[int]] = defaultdict(Positions)  # of each label's landmarks
         self._ids = Ids(taken)
-        self._frames = 0
         self._changed: dict[str, None] = {}
-        self._overlaps = Overlaps(self.rule.overlap)
+        self._overlaps = Overlaps(self._objects, self.rule.overlap)
         self._shown: dict[str, MapObject] = {}  # by id, in its order
         self._listed: list[MapObject] | None = []
         self.grid: OccupancyGrid | None = None  # that footprints are fitted to
@@ -80,10 +79,9 @@ class FloorMap:
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Updates the map with all sightings of one frame. Returns the id of each one's object."""
-        self._frames += 1
         near = self.graph.in_view() if sightings else []
         before = {one.number: (one.last, len(one.distinct)) for one in near}
-        landmarks = self.graph.observe(sightings, self._frames)
+        landmarks = self.graph.observe(sightings)
         for label in dict.fromkeys(placed.label for placed in sightings):
             same_label = [one for one in landmarks if one.label == label]
             changed = [one for one in same_label if before.get(one.number) != (one.last, len(one.distinct))]
@@ -122,7 +120,7 @@ class FloorMap:
         """
         self._refresh()
         weak = [item for item in self._objects.values() if self._overlaps.best(item.id) not in self._shown]
-        weak.sort(key=lambda item: -max(one.updated for one in item.landmarks))
+        weak.sort(key=lambda item: -max(one.sums.last_seen_s for one in item.landmarks))
         for item in weak[self.graph.rule.maximum :]:
             self._remove(item.id)
         in_view = set(self.graph.in_view())
@@ -151,7 +149,8 @@ class FloorMap:
         return self._overlaps.best(self.merged.get(identity, identity))
 
     def moved(self) -> None:
-        """Applies a trajectory correction: everything moves with its keyframes, and association is repeated."""
+        """Applies a trajectory correction, or another tilt of the mount: what this run has observed moves with its
+        keyframes, and association is repeated."""
         self.graph.place(self.graph.landmarks.values())
         moved: defaultdict[str, list[Landmark]] = defaultdict(list)
         for one in self.graph.landmarks.values():
@@ -172,13 +171,6 @@ class FloorMap:
         self._refresh()
         for candidate in self._overlaps.members.get(identity, ()):
             self._remove(candidate.id)
-
-    def retilt(self, tilt_rad: Array) -> None:
-        """Moves everything that the mount's angles placed, after its roll and pitch changed by (2,); a saved map's
-        objects stay.
-        """
-        self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
-        self.moved()
 
     def _place(self, label: str, landmarks: Sequence[Landmark], changed: Sequence[Landmark]) -> None:
         """Landmarks of a label have new positions. changed: those among them whose association is repeated."""
@@ -274,12 +266,9 @@ class FloorMap:
         if not self._changed:
             return
         for identity in self._changed:
-            item = self._objects.get(identity)
-            if item is None:
-                self._overlaps.remove(identity)
-            else:
+            if (item := self._objects.get(identity)) is not None:
                 item.estimate(self.graph.rule.landmarks)
-                self._overlaps.update(item)
+            self._overlaps.change(identity)
         self._changed, self._listed, appeared = {}, None, False
         for identity in self._overlaps.settle():
             members = self._overlaps.members.get(identity)
@@ -324,8 +313,7 @@ class FloorMap:
 
     def _outlines(self, landmarks: Sequence[Landmark]) -> Array:
         """Mean outline of a box in each keyframe that has any, (N, 3, 2), map frame."""
-        keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
-        rows = np.concatenate([one.rows for one in landmarks])
+        keyframes, rows = stacked(landmarks)
         some = rows[:, Sums.OUTLINED].ravel() > 0.0
         local = (rows[some, Sums.OUTLINE] / rows[some, Sums.OUTLINED]).reshape(-1, 3, 2)
         poses = self.graph.trajectory.poses[keyframes[some]].reshape(-1, 3)
@@ -334,8 +322,7 @@ class FloorMap:
     def _views(self, landmarks: Sequence[Landmark]) -> Array:
         """Positions (N, 2) that landmarks were observed from, those of an earlier map first."""
         saved = [view for one in landmarks if one.saved for view in one.saved.seen_from_m]
-        keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
-        rows = np.concatenate([one.rows for one in landmarks])
+        keyframes, rows = stacked(landmarks)
         local = np.column_stack([rows[:, Sums.VIEW], np.zeros(len(rows))])
         poses = self.graph.trajectory.poses[keyframes].reshape(-1, 3)
         return np.concatenate([np.array(saved).reshape(-1, 2), composed(poses, local)[:, :2]])
