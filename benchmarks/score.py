@@ -24,7 +24,7 @@ from edgemap.evaluation.footprints import score_footprints
 from edgemap.evaluation.grid import score_grid
 from edgemap.evaluation.objects import score_map
 from edgemap.geometry.errors import EdgemapError, MapError
-from edgemap.geometry.map_object import MapObject, MeasuredFootprint
+from edgemap.geometry.map_object import MapObject, ObjectFootprint
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS
 from edgemap.runtime.inputs.drives import open_drive
 from edgemap.runtime.step.grid_file import load_grid
@@ -64,7 +64,7 @@ def read_csv(path: Path) -> tuple[list[MapObject], bool]:
             xx, xy, yy = (value.get(name, 1.0 - (name == COVARIANCE[1])) for name in COVARIANCE)
             covariance, place = np.array([[xx, xy], [xy, yy]]), np.array([value["x_m"], value["y_m"]])
             sides = [value.get(name, 0.5) for name in FOOTPRINT[:2]]
-            shape = MeasuredFootprint(sides[0], sides[1], value.get("yaw_rad")) if FOOTPRINT[0] in value else None
+            shape = ObjectFootprint(sides[0], sides[1], value.get("yaw_rad")) if FOOTPRINT[0] in value else None
             number, score = f"{row['label']}-{rows.line_num}", value.get("confidence", 1.0)
             item = MapObject(number, row["label"], place, covariance, sides[0], 0.5, 1, score, 0.0, 0.0)
             objects.append(replace(item, measured=shape))

@@ -94,7 +94,7 @@ class Run:
         self.folder = options.outputs.out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         self.kept_camera = CameraKeeper(self.folder, floor, guess, options.camera.camera)
         self.record = run_record(options, source, loaded, floor, self.threshold, self.mapped, tuned)
-        self.record |= {"loop_closure": self.slam.mapper.loop_closer.closes_loops}
+        self.record |= {"loop_closure": self.slam.mapper.closes_loops}
         self.record |= {"camera_guess": guess.record()} if guess else {}
         self.record |= {"companion": loaded.companion.manifest.name} if loaded.companion else {}
         guessed = (guess.pitch_sigma_rad, guess.height_sigma) if guess else (0.0, 0.0)

@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from edgemap.evaluation.objects import FOUND_M, TrueObject, pairs_within, scored
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.grid.rooms import inside
-from edgemap.geometry.map_object import MapObject, outline_m, yaw_of
+from edgemap.geometry.map_object import MapObject, outline_m
 
 LEAST_IOU = 0.25  # of a mapped footprint that is right
 JUDGED = frozenset({"bed", "couch", "dining table", "refrigerator"})  # whose yaw is judged
@@ -45,7 +45,7 @@ def score_footprints(objects: Sequence[MapObject], truth: Sequence[TrueObject]) 
             overlaps.append(float(shares[a, theirs.index(wanted[b])]))
             if label in JUDGED:
                 judged += 1
-                if yaw_of(ours[a]) is not None:
+                if ours[a].footprint.yaw_rad is not None:
                     errors.append(yaw_error_deg(outline_m(ours[a]), np.array(wanted[b].footprint_m)))
     return {
         "f1_iou25": round(2.0 * right / (mapped + true), 4) if mapped + true else None,

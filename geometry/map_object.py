@@ -50,9 +50,10 @@ class MapEvent:
 
 
 @dataclass(frozen=True, slots=True)
-class MeasuredFootprint:
-    """A measured rectangle about an object's position. width_m: across its front. depth_m: along it. yaw_rad: direction
-    of the front, map frame; None where unknown. yaw_sigma_rad: standard deviation, infinite then."""
+class ObjectFootprint:
+    """A rectangle about an object's position. width_m: across its front. depth_m: along it. yaw_rad: direction of the
+    front, map frame; None where unknown. yaw_sigma_rad: standard deviation, infinite then, or where a person states it.
+    """
 
     width_m: float
     depth_m: float
@@ -68,7 +69,7 @@ class MapObject:
     positions from which it was observed, the farthest in each direction; older maps have none. labels: probability of
     each detected class. name, confirmed: edited by a person. corrected: which of label, position, size and yaw a
     person has set. yaw_rad: direction of the front. depth_m: depth of the footprint. Only a person sets yaw_rad and
-    depth_m; measured ones are in `measured`, and `yaw_of` and `footprint_of` give what counts. first_seen, last_seen:
+    depth_m; measured ones are in `measured`, and `footprint` gives what counts. first_seen, last_seen:
     of all runs, seconds since 1970, None where unknown. since: it has stood in its place from then until last_seen, by
     what each run between has observed; None where unknown. history: oldest first. earlier: not observed by this run, so
     that its stamps are of an earlier run's stream.
@@ -96,7 +97,7 @@ class MapObject:
     since: float | None = None
     history: tuple[MapEvent, ...] = ()
     earlier: bool = False
-    measured: MeasuredFootprint | None = None
+    measured: ObjectFootprint | None = None
 
     @property
     def x_m(self) -> float:
@@ -112,6 +113,14 @@ class MapObject:
     def place_m(self) -> Place:
         """The position as plain numbers."""
         return self.x_m, self.y_m
+
+    @property
+    def footprint(self) -> ObjectFootprint:
+        """Sides and yaw, each as a person has set it, else as measured; else the sides that are usual for the class."""
+        shape = self.measured or ObjectFootprint(*footprint_m(self.label, self.width_m))
+        if self.depth_m is not None:
+            shape = replace(shape, width_m=self.width_m, depth_m=self.depth_m)
+        return shape if self.yaw_rad is None else replace(shape, yaw_rad=self.yaw_rad, yaw_sigma_rad=math.inf)
 
     @property
     def former_ids(self) -> set[str]:
@@ -230,45 +239,25 @@ class Ids(Counter[str]):
         return f"{label}-{self[label]}"
 
 
-def footprint_of(item: MapObject) -> tuple[float, float]:
-    """Width and depth of an object's footprint, m: those that a person has set, else measured ones, else those usual
-    for its class."""
-    if item.depth_m is not None:
-        return item.width_m, item.depth_m
-    if item.measured is not None:
-        return item.measured.width_m, item.measured.depth_m
-    return footprint_m(item.label, item.width_m)
-
-
-def yaw_of(item: MapObject) -> float | None:
-    """Direction of an object's front, rad: that which a person has set, else the measured one; None where unknown."""
-    return item.yaw_rad if item.yaw_rad is not None or item.measured is None else item.measured.yaw_rad
-
-
-def yaw_sigma_of(item: MapObject) -> float | None:
-    """Standard deviation of a measured yaw, rad; None where it is unknown or a person has set it."""
-    shape = item.measured if item.yaw_rad is None else None
-    return None if shape is None or shape.yaw_rad is None else shape.yaw_sigma_rad
-
-
 def outline_m(item: MapObject) -> Array:
     """Corners of an object's footprint, counter-clockwise, map frame: its rectangle (4, 2), front right corner first;
     where its yaw is unknown the circle (`CIRCLE`, 2) of the same area."""
-    yaw = yaw_of(item)
-    if yaw is None:
+    shape = item.footprint
+    if shape.yaw_rad is None:
         around = np.arange(CIRCLE) * (2.0 * math.pi / CIRCLE)
         return item.position_m + radius_m(item) * np.column_stack([np.cos(around), np.sin(around)])
-    width, depth = footprint_of(item)
+    width, depth = shape.width_m, shape.depth_m
     corners = np.array([(depth, -width), (depth, width), (-depth, width), (-depth, -width)]) / 2.0
-    return SE2(float(item.position_m[0]), float(item.position_m[1]), yaw).apply(corners)
+    return SE2(*item.place_m, shape.yaw_rad).apply(corners)
 
 
 def reach_m(item: MapObject) -> float:
     """Greatest distance of an object's footprint from its position, m."""
-    return radius_m(item) if yaw_of(item) is None else math.hypot(*footprint_of(item)) / 2.0
+    shape = item.footprint
+    return radius_m(item) if shape.yaw_rad is None else math.hypot(shape.width_m, shape.depth_m) / 2.0
 
 
 def radius_m(item: MapObject) -> float:
     """Radius of the circle around an object's position with the same area as its footprint, m; at least 5 cm."""
-    width, depth = footprint_of(item)
-    return max(math.sqrt(width * depth / math.pi), 0.05)
+    shape = item.footprint
+    return max(math.sqrt(shape.width_m * shape.depth_m / math.pi), 0.05)

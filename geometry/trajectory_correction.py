@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import wrap_angles
@@ -21,15 +21,8 @@ class TrajectoryCorrection:
 
     def moved_poses(self, stamps_s: ArrayLike, poses: ArrayLike) -> Array:
         """Poses (N, 3), x, y, yaw, of those times (N,), corrected."""
-        return composed(self.moves[self._rows(stamps_s)], np.asarray(poses, dtype=np.float64).reshape(-1, 3))
-
-    def compose(self, later: "TrajectoryCorrection") -> "TrajectoryCorrection":
-        """The composition of this correction and a later one."""
-        stamps = np.union1d(self.stamps_s, later.stamps_s)
-        return TrajectoryCorrection(stamps, later.moved_poses(stamps, self.moves[self._rows(stamps)]))
-
-    def _rows(self, stamps_s: ArrayLike) -> NDArray[np.intp]:
-        return np.maximum(np.searchsorted(self.stamps_s, stamps_s, side="right") - 1, 0)
+        rows = np.maximum(np.searchsorted(self.stamps_s, stamps_s, side="right") - 1, 0)
+        return composed(self.moves[rows], np.asarray(poses, dtype=np.float64).reshape(-1, 3))
 
 
 def composed(a: Array, b: Array) -> Array:

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.map_object import MapObject, footprint_of, radius_m
+from edgemap.geometry.map_object import MapObject, radius_m
 from edgemap.geometry.objects.annotations import Annotations, Zone
 from edgemap.geometry.objects.queries import changes, inside_polygon
 from edgemap.geometry.objects.rooms import rooms_of
@@ -76,11 +76,11 @@ def frame_answer(result: StepResult) -> dict[str, Any]:
 
 def map_object_answer(item: MapObject) -> dict[str, Any]:
     """One object as in map.json, with its footprint (width, depth) and the radius of a circle that takes as much."""
-    footprint_m = [round(side, 3) for side in footprint_of(item)]
+    shape = item.footprint
     return object_record(item) | {
         "doubtful": is_doubtful(item),
         "radius_m": round(radius_m(item), 3),
-        "footprint_m": footprint_m,
+        "footprint_m": [round(shape.width_m, 3), round(shape.depth_m, 3)],
     }
 
 

@@ -10,7 +10,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from edgemap.geometry.grid.rooms import Door, Room
-from edgemap.geometry.map_object import MapObject, footprint_of
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import LONGEST_NAME, MAXIMUM_CORNERS
 from edgemap.geometry.objects.events import LARGEST_M, SMALLEST_M, Edit, joined
 from edgemap.geometry.objects.rooms import rooms_of
@@ -230,10 +230,10 @@ def _correction(body: ObjectRequest, item: MapObject) -> Edit | None:
     if (body.x_m is None) != (body.y_m is None):
         raise Refused(400, "a position is x_m and y_m together")
     place_m = None if body.x_m is None or body.y_m is None else (body.x_m, body.y_m)
-    size_m = None
+    size_m, shape = None, item.footprint
     if not body.width_m is body.depth_m is body.height_m is None:
-        width_m, depth_m = (round(side, 3) for side in footprint_of(item))
-        size_m = (body.width_m or width_m, body.depth_m or depth_m, body.height_m or max(item.height_m, SMALLEST_M))
+        width_m, depth_m = body.width_m or round(shape.width_m, 3), body.depth_m or round(shape.depth_m, 3)
+        size_m = (width_m, depth_m, body.height_m or max(item.height_m, SMALLEST_M))
     if place_m is size_m is body.yaw_rad is body.label is None:
         return None
     return Edit("correct", item.id, label=body.label or "", place_m=place_m, size_m=size_m, yaw_rad=body.yaw_rad)

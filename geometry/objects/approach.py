@@ -12,7 +12,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import BESIDE_M, FREE, OCCUPIED, OccupancyGrid
 from edgemap.geometry.grid.rooms import Room, inside
-from edgemap.geometry.map_object import MapObject, footprint_of, radius_m, yaw_of
+from edgemap.geometry.map_object import MapObject, radius_m
 from edgemap.geometry.se2 import SE2, wrap_angle
 
 DIRECTIONS = 48  # about the object, in which a pose is tried
@@ -54,7 +54,8 @@ def approach(
     Raises MapError with the numbers where every place is taken.
     """
     rule = rule or ApproachRule()
-    others, yaw_rad, radius = [other for other in objects if other.id != item.id], yaw_of(item), rule.robot_radius_m
+    others, radius = [other for other in objects if other.id != item.id], rule.robot_radius_m
+    yaw_rad = item.footprint.yaw_rad
     around = np.arange(DIRECTIONS) * 2.0 * math.pi / DIRECTIONS
     standoffs_m = np.arange(rule.standoff_m, rule.standoff_m + REACH_M + 1e-9, STEP_M)
     best: tuple[float, Approach | None] = math.inf, None
@@ -81,10 +82,9 @@ def approach(
     return best[1]
 
 
-def room_pose(room: Room, grid: OccupancyGrid, rule: ApproachRule | None = None) -> SE2:
+def room_pose(room: Room, grid: OccupancyGrid, rule: ApproachRule) -> SE2:
     """The pose inside a room that is farthest from everything that is not free floor. Raises MapError where no place
     in it is wide enough for the robot."""
-    rule = rule or ApproachRule()
     free = np.pad(grid.cells == FREE, 1)
     clear_m = np.asarray(distance_transform_edt(free))[1:-1, 1:-1] * grid.cell_m
     centres_m = grid.centres_m(np.ones(grid.cells.shape, np.bool_))
@@ -99,11 +99,12 @@ def room_pose(room: Room, grid: OccupancyGrid, rule: ApproachRule | None = None)
 def _extent_m(item: MapObject, direction_rad: float) -> float:
     """Distance from an object's centre to its edge in one direction: of its rectangle where it has a yaw, else of the
     circle of equal area."""
-    if (yaw_rad := yaw_of(item)) is None:
+    shape = item.footprint
+    if shape.yaw_rad is None:
         return radius_m(item)
-    width, depth = footprint_of(item)
-    along, across = abs(math.cos(direction_rad - yaw_rad)), abs(math.sin(direction_rad - yaw_rad))
-    return min(depth / 2.0 / max(along, 1e-9), width / 2.0 / max(across, 1e-9))
+    off_rad = direction_rad - shape.yaw_rad
+    along, across = abs(math.cos(off_rad)), abs(math.sin(off_rad))
+    return min(shape.depth_m / 2.0 / max(along, 1e-9), shape.width_m / 2.0 / max(across, 1e-9))
 
 
 def _wall_between(centre: Array, away: Array, from_m: float, to_m: float, grid: OccupancyGrid) -> bool:

@@ -115,16 +115,15 @@ def label_posterior(evidence: Mapping[str, float], rule: OverlapRule) -> dict[st
 
 
 class Overlaps:
-    """Which candidates are one object, kept up to date for what changes only.
+    """Which candidates are one object, kept up to date for what changes only. candidates: all of them, by id.
 
     members: of each object, by the id of its best candidate: all candidates that are it, the best one first. positions:
     of the candidates, by id.
     """
 
-    def __init__(self, rule: OverlapRule | None = None) -> None:
-        self.rule = rule or OverlapRule()
+    def __init__(self, candidates: Mapping[str, Candidate], rule: OverlapRule | None = None) -> None:
+        self.rule, self._candidates = rule or OverlapRule(), candidates
         self.members: dict[str, list[Candidate]] = {}
-        self._candidates: dict[str, Candidate] = {}
         self.positions = Positions[str]()
         self._best: dict[str, str] = {}
         self._changed: set[str] = set()
@@ -133,15 +132,11 @@ class Overlaps:
         """The id of the object that a candidate is part of."""
         return self._best.get(identity, identity)
 
-    def update(self, candidate: Candidate) -> None:
-        """Add a candidate, or change it."""
-        self.remove(candidate.id)
-        self._candidates[candidate.id] = candidate
-        self.positions.set(candidate.id, candidate.position_m)
-
-    def remove(self, identity: str) -> None:
-        """Remove a candidate, if it is there."""
-        if self._candidates.pop(identity, None) is not None:
+    def change(self, identity: str) -> None:
+        """A candidate was added, was changed or has left."""
+        if identity in self._candidates:
+            self.positions.set(identity, self._candidates[identity].position_m)
+        else:
             self.positions.remove(identity)
         # Its members may be objects now, and the object that it was part of changes.
         self._changed |= {identity, *(item.id for item in self.members.get(self.best(identity), ()))}

@@ -8,7 +8,7 @@ moves with the keyframes that observed it.
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Generator, Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from itertools import combinations, islice
 
@@ -23,9 +23,10 @@ from edgemap.geometry.objects.candidates import Candidate, Overlaps, label_poste
 from edgemap.geometry.objects.footprint import DIRECTIONS, fitted
 from edgemap.geometry.objects.positions import Positions
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations
+from edgemap.geometry.slam.loop_closure import closure
+from edgemap.geometry.slam.object_landmarks import Landmark, Sums, rotations, stacked
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
-from edgemap.geometry.trajectory_correction import composed
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
 FITTED = 2  # footprints at most in one update, which bounds its time
@@ -45,36 +46,27 @@ class FloorMap:
         self._owner: dict[int, Candidate] = {}  # by landmark
         self._positions: defaultdict[str, Positions[int]] = defaultdict(Positions)  # of each label's landmarks
         self._ids = Ids(taken)
-        self._frames = 0
         self._changed: dict[str, None] = {}
-        self._overlaps = Overlaps(self.rule.overlap)
+        self._overlaps = Overlaps(self._objects, self.rule.overlap)
         self._shown: dict[str, MapObject] = {}  # by id, in its order
         self._listed: list[MapObject] | None = []
         self.grid: OccupancyGrid | None = None  # that footprints are fitted to
         self._unfitted: dict[str, None] = {}  # ids of objects whose outlines have changed, oldest first
+        self._is_due = False  # maintenance, and its work that has begun
+        self._work: Generator[None, None, TrajectoryCorrection | None] | None = None
 
-    @classmethod
-    def continued(
-        cls,
-        saved: Sequence[MapObject],
-        rule: AssociationRule | None = None,
-        graph: GraphRule | None = None,
-        before: "FloorMap | None" = None,
-        merged: Mapping[str, str] | None = None,
-        taken: Iterable[str] = (),
-    ) -> "FloorMap":
-        """A map that continues an earlier one, whose objects stay unchanged until they are observed again. before,
-        merged: after a relocalisation, the map of this run so far and the new ids of its objects. taken: more ids that
-        none gets. Raises MapError for a repeated id.
+    def continued(self, saved: Sequence[MapObject], became: Mapping[str, str] | None = None) -> "FloorMap":
+        """A map that continues an earlier one, whose objects stay unchanged until they are observed again; new objects
+        get no id of this map. became: after a relocalisation, the new ids of this map's objects. Raises MapError for a
+        repeated id.
         """
-        ids = {item.id for item in saved}
+        ids, became = {item.id for item in saved}, became or {}
         if len(ids) < len(saved):
             raise MapError(f"{len(saved)} objects share {len(ids)} ids: the map is damaged")
-        floor_map = cls(rule, graph, (*ids, *taken))
-        if before is not None:
-            floor_map._ids |= before._ids
-            floor_map.merged = {old: (merged or {}).get(new, new) for old, new in before.merged.items()}
-            floor_map.merged |= {old: new for old, new in (merged or {}).items() if old != new}
+        floor_map = FloorMap(self.rule, self.graph.rule, ids)
+        floor_map._ids |= self._ids
+        floor_map.merged = {old: became.get(new, new) for old, new in self.merged.items()}
+        floor_map.merged |= {old: new for old, new in became.items() if old != new}
         for item in saved:
             landmark = floor_map.graph.add_saved(item)
             # Enough for an object, so that what stands there now outweighs what stood there.
@@ -87,10 +79,9 @@ class FloorMap:
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Updates the map with all sightings of one frame. Returns the id of each one's object."""
-        self._frames += 1
         near = self.graph.in_view() if sightings else []
         before = {one.number: (one.last, len(one.distinct)) for one in near}
-        landmarks = self.graph.observe(sightings, self._frames)
+        landmarks = self.graph.observe(sightings)
         for label in dict.fromkeys(placed.label for placed in sightings):
             same_label = [one for one in landmarks if one.label == label]
             changed = [one for one in same_label if before.get(one.number) != (one.last, len(one.distinct))]
@@ -98,13 +89,38 @@ class FloorMap:
         self._fit_footprints()
         return [self._owner[one.number].id for one in landmarks]
 
+    def maintain(self, is_keyframe: bool, closes_loops: bool) -> tuple[bool, TrajectoryCorrection | None]:
+        """One unit of the work that bounds the map's size and closes loops, every few keyframes. Returns whether it has
+        ended, and the correction that it ends with. is_keyframe: whether the latest frame is one.
+
+        Counts frames, path and rotation, never time: the same frames give the same corrections.
+        """
+        self._is_due |= is_keyframe and len(self.graph.trajectory) % self.graph.rule.every == 0
+        if self._is_due and self._work is None:
+            self._is_due, self._work = False, self._maintenance(closes_loops)
+        if self._work is None:
+            return False, None
+        try:
+            next(self._work)
+        except StopIteration as end:
+            self._work = None
+            return True, end.value
+        return False, None
+
+    def _maintenance(self, closes_loops: bool) -> Generator[None, None, TrajectoryCorrection | None]:
+        self.bound()
+        yield
+        self.graph.drop_keyframes()
+        yield
+        return (yield from closure(self.graph)) if closes_loops else None
+
     def bound(self) -> None:
         """Bounds the map's size on a drive of any length: keeps only the latest landmarks that never became an object,
         as many as a closure solves for, and merges visits to one object. Not during a loop closure.
         """
         self._refresh()
         weak = [item for item in self._objects.values() if self._overlaps.best(item.id) not in self._shown]
-        weak.sort(key=lambda item: -max(one.updated for one in item.landmarks))
+        weak.sort(key=lambda item: -max(one.sums.last_seen_s for one in item.landmarks))
         for item in weak[self.graph.rule.maximum :]:
             self._remove(item.id)
         in_view = set(self.graph.in_view())
@@ -133,7 +149,8 @@ class FloorMap:
         return self._overlaps.best(self.merged.get(identity, identity))
 
     def moved(self) -> None:
-        """Applies a trajectory correction: everything moves with its keyframes, and association is repeated."""
+        """Applies a trajectory correction, or another tilt of the mount: what this run has observed moves with its
+        keyframes, and association is repeated."""
         self.graph.place(self.graph.landmarks.values())
         moved: defaultdict[str, list[Landmark]] = defaultdict(list)
         for one in self.graph.landmarks.values():
@@ -154,13 +171,6 @@ class FloorMap:
         self._refresh()
         for candidate in self._overlaps.members.get(identity, ()):
             self._remove(candidate.id)
-
-    def retilt(self, tilt_rad: Array) -> None:
-        """Moves everything that the mount's angles placed, after its roll and pitch changed by (2,); a saved map's
-        objects stay.
-        """
-        self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
-        self.moved()
 
     def _place(self, label: str, landmarks: Sequence[Landmark], changed: Sequence[Landmark]) -> None:
         """Landmarks of a label have new positions. changed: those among them whose association is repeated."""
@@ -256,12 +266,9 @@ class FloorMap:
         if not self._changed:
             return
         for identity in self._changed:
-            item = self._objects.get(identity)
-            if item is None:
-                self._overlaps.remove(identity)
-            else:
+            if (item := self._objects.get(identity)) is not None:
                 item.estimate(self.graph.rule.landmarks)
-                self._overlaps.update(item)
+            self._overlaps.change(identity)
         self._changed, self._listed, appeared = {}, None, False
         for identity in self._overlaps.settle():
             members = self._overlaps.members.get(identity)
@@ -306,8 +313,7 @@ class FloorMap:
 
     def _outlines(self, landmarks: Sequence[Landmark]) -> Array:
         """Mean outline of a box in each keyframe that has any, (N, 3, 2), map frame."""
-        keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
-        rows = np.concatenate([one.rows for one in landmarks])
+        keyframes, rows = stacked(landmarks)
         some = rows[:, Sums.OUTLINED].ravel() > 0.0
         local = (rows[some, Sums.OUTLINE] / rows[some, Sums.OUTLINED]).reshape(-1, 3, 2)
         poses = self.graph.trajectory.poses[keyframes[some]].reshape(-1, 3)
@@ -316,8 +322,7 @@ class FloorMap:
     def _views(self, landmarks: Sequence[Landmark]) -> Array:
         """Positions (N, 2) that landmarks were observed from, those of an earlier map first."""
         saved = [view for one in landmarks if one.saved for view in one.saved.seen_from_m]
-        keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
-        rows = np.concatenate([one.rows for one in landmarks])
+        keyframes, rows = stacked(landmarks)
         local = np.column_stack([rows[:, Sums.VIEW], np.zeros(len(rows))])
         poses = self.graph.trajectory.poses[keyframes].reshape(-1, 3)
         return np.concatenate([np.array(saved).reshape(-1, 2), composed(poses, local)[:, :2]])

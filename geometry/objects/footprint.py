@@ -12,7 +12,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.grid.occupancy_grid import FREE, OccupancyGrid
 from edgemap.geometry.grid.walls import walls_of
-from edgemap.geometry.map_object import MeasuredFootprint
+from edgemap.geometry.map_object import ObjectFootprint
 from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.se2 import wrap_angle
 
@@ -46,7 +46,7 @@ class FootprintRule:
 class FittedFootprint:
     """A footprint, and its centre (2,) from the position that it was fitted about."""
 
-    shape: MeasuredFootprint
+    shape: ObjectFootprint
     offset_m: Array
 
 
@@ -57,7 +57,7 @@ def fitted(
     outlines: Array,
     grid: OccupancyGrid | None,
     rule: FootprintRule,
-    saved: MeasuredFootprint | None = None,
+    saved: ObjectFootprint | None = None,
 ) -> FittedFootprint | None:
     """The footprint about a position (2,) by outlines (N, 3, 2): lens and both ends of a box's lower edge, map frame;
     by the walls and the free floor of a grid, and by the footprint in an earlier map. None without outlines.
@@ -89,7 +89,7 @@ def fitted(
     square = abs(half_wide - half_deep) < SQUARE * max(half_wide, half_deep)
     turn = math.pi / 2.0 if square else math.pi
     sigma = math.sqrt(float(likely @ ((longer - longer[best] + turn / 2.0) % turn - turn / 2.0) ** 2))
-    shape = MeasuredFootprint(2.0 * half_wide, 2.0 * half_deep)
+    shape = ObjectFootprint(2.0 * half_wide, 2.0 * half_deep)
     if sigma <= rule.unknown_rad:
         yaw = float(yaws[best] + near @ off)
         yaw += 0.0 if math.cos(yaw - seen_rad) >= 0.0 else math.pi  # its front is the side that it was seen from

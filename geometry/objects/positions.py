@@ -29,9 +29,10 @@ class Positions(Generic[Key]):
         self._points_m[row] = position_m
 
     def remove(self, key: Key) -> None:
-        """Removes an existing key; the last one moves to its row."""
-        row, last = self._rows.pop(key), self._keys.pop()
-        if last != key:
+        """Removes a key, if it is there; the last one moves to its row."""
+        if (row := self._rows.pop(key, None)) is None:
+            return
+        if (last := self._keys.pop()) != key:
             self._keys[row], self._rows[last] = last, row
             self._points_m[row] = self._points_m[len(self._keys)]
 

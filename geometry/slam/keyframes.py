@@ -45,6 +45,7 @@ class KeyframeTrajectory:
         # Motions between the keyframes with two covariances (2, 3, 3): their own, and the one to search loops with.
         self._steps: list[tuple[SE2, Array]] = []
         self._first, self._first_information = np.zeros(3), FIXED
+        self._now_s = -math.inf  # stamp of the last motion
         self._turned_rad = 0.0  # the sum of all yaws
         self._headings = np.zeros((0, 2))  # of the keyframes, by it, and its variance
 
@@ -64,14 +65,14 @@ class KeyframeTrajectory:
     def begin(self, pose: SE2, covariance: Array, stamp_s: float) -> None:
         """Adds the first keyframe with its covariance."""
         self._first, self._first_information = pose.vector(), inverse(covariance + inverse(FIXED))
-        self._turned_rad = pose.yaw_rad
+        self._turned_rad, self._now_s = pose.yaw_rad, stamp_s
         self._keep(pose, covariance, stamp_s, math.inf)
 
     def advance(self, motion: SE2, covariance: Array, stamp_s: float, heading_rad2: float = math.inf) -> bool:
         """Adds a motion, and makes the pose after it a keyframe where one is due. heading_rad2: variance of the sum of
         all yaws up to here. Returns whether it is one."""
         self.odometer_m += math.hypot(motion.x_m, motion.y_m) + abs(motion.yaw_rad)
-        self._turned_rad += motion.yaw_rad
+        self._turned_rad, self._now_s = self._turned_rad + motion.yaw_rad, stamp_s
         self._since_covariance = compose_covariance(self.since, self._since_covariance, motion, covariance)
         self.since = self.since @ motion
         path_m = math.hypot(self.since.x_m, self.since.y_m)
@@ -102,9 +103,9 @@ class KeyframeTrajectory:
         first = self._first, self._first_information, self.rule.gain
         return OdometryFactors(motions, inverse(covariances), *first, yaws_rad, heading_information)
 
-    def set_poses(self, poses: Array, covariances: Array, now_s: float) -> TrajectoryCorrection:
+    def set_poses(self, poses: Array, covariances: Array) -> TrajectoryCorrection:
         """The first keyframes have the poses (N, 3); later ones follow the last of these by odometry. Observations
-        from `now_s` on refer to the corrected pose of the base.
+        from the last motion on refer to the corrected pose of the base.
         """
         after = [SE2(*pose) for pose in poses]
         for motion, (own, _) in self._steps[len(after) - 1 :]:
@@ -116,20 +117,18 @@ class KeyframeTrajectory:
         moves = composed(turned, np.column_stack([-before[:, :2], np.zeros(len(now))]))
         moves[:, :2] += now[:, :2]
         self.poses, self.covariances = now, covariances
-        stamps_s = np.append(self.stamps_s, max(now_s, self.stamps_s[-1]))
+        stamps_s = np.append(self.stamps_s, max(self._now_s, self.stamps_s[-1]))
         return TrajectoryCorrection(stamps_s, np.concatenate([moves, np.zeros((1, 3))]))
 
-    def replace_motions(
-        self, path: Callable[[float], SE2 | None], now_s: float, in_map: bool = False
-    ) -> TrajectoryCorrection:
+    def replace_motions(self, path: Callable[[float], SE2 | None], in_map: bool) -> TrajectoryCorrection:
         """The motions between keyframes are those of another path, by stamp, where it has one. in_map: it is in the
         map's frame, so that the first pose is its too."""
-        at = [path(stamp_s) for stamp_s in (*map(float, self.stamps_s), now_s)]
+        at = [path(stamp_s) for stamp_s in (*map(float, self.stamps_s), self._now_s)]
         moved = [None if a is None or b is None else a.inverse() @ b for a, b in pairwise(at)]
         self._steps = [(new or old, both) for new, (old, both) in zip(moved[:-1], self._steps, strict=True)]
         self.since = moved[-1] or self.since
         first = at[0].vector()[None] if in_map and at[0] is not None else self.poses[:1]
-        return self.set_poses(first, self.covariances[:1], now_s)
+        return self.set_poses(first, self.covariances[:1])
 
     def drop(self, gone: Collection[int]) -> None:
         """Removes keyframes, except the first and the last; the motions before and after each are composed."""

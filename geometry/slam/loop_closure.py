@@ -6,18 +6,16 @@ import math
 from collections.abc import Generator, Mapping, Sequence, Set
 
 from edgemap.geometry.arrays import CHI2_997, Array
-from edgemap.geometry.slam.least_squares import Solution
 from edgemap.geometry.slam.loop_hypotheses import certain_pairings
 from edgemap.geometry.slam.object_landmarks import Landmark
 from edgemap.geometry.slam.pose_graph import PoseGraph, Snapshot
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
-Closure = Generator[None, None, "tuple[Solution, Array, bool] | None"]
 
-
-def closure(graph: PoseGraph) -> Closure:
+def closure(graph: PoseGraph) -> Generator[None, None, TrajectoryCorrection | None]:
     """Links landmarks of one object and solves the graph; revokes links that do not fit. Yields after every unit of
-    work; until the end no landmark and no keyframe may leave the graph. Returns the solution, the covariances of its
-    poses (K, 3, 3) and whether links changed, None without links.
+    work; until the end no landmark and no keyframe may leave the graph. Returns the correction of the trajectory; None
+    where no pose moves.
     """
     before, groups = dict(graph.links), graph.groups()
     in_view = {one.number for one in graph.in_view() if graph.is_likely(one) and one.keyframes}
@@ -52,7 +50,7 @@ def closure(graph: PoseGraph) -> Closure:
     graph.accepted += len(graph.links) - len(before)
     yield
     covariances = yield from after.pose_covariances()
-    return after, covariances, graph.links != before
+    return graph.correct(after, covariances, graph.links != before)
 
 
 def _hypothesis(

@@ -63,7 +63,7 @@ class Landmark:
     """One object in one visit. keyframes (N,): rows of the trajectory that observed it; rows (N, Sums.COLUMNS): sums of
     the sightings of each. observed_at_m: the odometer at the last sighting. sums: evidence. distinct: numbers of
     landmarks of its label observed in the same frame, so other objects. saved: the object of an earlier map, which has
-    no observations here. updated: number of the last frame. gone: marked for removal.
+    no observations here. gone: marked for removal.
 
     position_m (2,), own_m2 (2, 2): for fixed keyframe poses. first_m2 (2, 2), variance_m2: what the pose of the first
     observation, and of all in the mean, adds. shared_m2 (2, 2): what the mount adds.
@@ -78,7 +78,6 @@ class Landmark:
     rows: Array = field(default_factory=lambda: np.zeros((0, Sums.COLUMNS)))
     sums: SightingSums = field(default_factory=SightingSums)
     distinct: set[int] = field(default_factory=set)
-    updated: int = 0
     gone: bool = False
     position_m: Array = field(default_factory=lambda: np.zeros(2))
     own_m2: Array = field(default_factory=lambda: np.zeros((2, 2)))
@@ -118,7 +117,6 @@ class Landmark:
         self.sums.weight = weight
         self.distinct |= other.distinct
         self.observed_at_m = max(self.observed_at_m, other.observed_at_m)
-        self.updated = max(self.updated, other.updated)
 
     def move_to(self, onto: Mapping[int, tuple[int, SE2 | None]]) -> bool:
         """Moves each observation to another keyframe's frame. onto: by old row, the new row and the old keyframe's pose
@@ -183,14 +181,19 @@ def factors(rows: Array, tilt_rad: Array, view_m: float) -> tuple[Array, Array, 
 def observations(landmarks: Sequence[Landmark], tilt_rad: Array, rule: LandmarkRule) -> ObservationFactors:
     """Factors of these landmarks, one for each keyframe that observed one. The error of each includes those of the
     range and of the side from which the object was observed."""
-    rows = np.concatenate([np.zeros((0, Sums.COLUMNS)), *(one.rows for one in landmarks)])
+    pose, rows = stacked(landmarks)
     position_m, information, bias_m, range_m = factors(rows, tilt_rad, rule.view_m)
     sizes = [len(one.keyframes) for one in landmarks]
     side_m2 = np.repeat([rule.side_m2(one.extent_m) for one in landmarks], sizes)
     covariance = inverse(information) + range_m[:, :, None] * range_m[:, None] + side_m2[:, None, None] * np.eye(2)
-    pose = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
     landmark = np.repeat(np.arange(len(landmarks)), sizes)
     return ObservationFactors(pose, landmark, position_m, inverse(covariance), bias_m)
+
+
+def stacked(landmarks: Sequence[Landmark]) -> tuple[NDArray[np.intp], Array]:
+    """Keyframes (N,) and rows (N, Sums.COLUMNS) of all observations of these landmarks, in their order."""
+    keyframes = np.array([keyframe for one in landmarks for keyframe in one.keyframes], dtype=np.intp)
+    return keyframes, np.concatenate([np.zeros((0, Sums.COLUMNS)), *(one.rows for one in landmarks)])
 
 
 def rotations(yaw_rad: Array) -> Array:

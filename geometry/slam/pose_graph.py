@@ -22,6 +22,7 @@ from edgemap.geometry.slam.object_landmarks import (
     observations,
     observed,
     rotations,
+    stacked,
 )
 from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed, nearest_earlier
 
@@ -114,7 +115,7 @@ class PoseGraph:
 
     landmarks: by number, in order of appearance. links: the landmark that each later one is linked to. accepted: number
     of links that loop closure made and did not revoke. refused: revoked links. unlikely: the last hypothesis that was
-    not accepted. tilt_rad: roll and pitch (2,) by which the mount's angles changed since it placed the first sighting.
+    not accepted. tilt_rad: roll and pitch (2,) by which the mount's angles differ from the stated ones.
     least_pictures: of 0.1 s that make a landmark one to close loops with.
     """
 
@@ -151,7 +152,7 @@ class PoseGraph:
         landmark.own_m2 = positive(item.covariance_m2 - np.eye(2) * centre_m2, least=1e-4)
         return landmark
 
-    def observe(self, sightings: Sequence[PlacedSighting], frame: int = 0) -> list[Landmark]:
+    def observe(self, sightings: Sequence[PlacedSighting]) -> list[Landmark]:
         """Adds one frame's sightings. Returns the landmark of each. The first frame's pose is the first keyframe, if
         there is none yet.
         """
@@ -167,7 +168,7 @@ class PoseGraph:
             since = to_keyframe @ placed.pose_map_base
             landmark.add(keyframe, observed(placed, since, self.tilt_rad, rule.repeated))
             landmark.sums.add(placed)
-            landmark.observed_at_m, landmark.updated = trajectory.odometer_m, frame
+            landmark.observed_at_m = trajectory.odometer_m
             landmark.distinct |= {
                 other.number for other in landmarks if other.label == landmark.label and other is not landmark
             }
@@ -218,8 +219,7 @@ class PoseGraph:
         landmarks = [landmark for landmark in landmarks if landmark.keyframes]
         if not landmarks:
             return
-        rows = np.concatenate([landmark.rows for landmark in landmarks])
-        at = np.concatenate([landmark.keyframes for landmark in landmarks])
+        at, rows = stacked(landmarks)
         sizes = [len(landmark.keyframes) for landmark in landmarks]
         starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
         local, information, bias, ranges = factors(rows, self.tilt_rad, self.rule.landmarks.view_m)
@@ -294,7 +294,7 @@ class PoseGraph:
         """Whether it was observed often enough to close loops with."""
         return not landmark.gone and (landmark.saved is not None or landmark.sums.pictures >= self.least_pictures)
 
-    def snapshot(self, wanted: Set[int] = frozenset()) -> Snapshot:
+    def snapshot(self, wanted: Set[int]) -> Snapshot:
         """All current factors. wanted: earlier objects to include beyond the usual landmarks."""
         tied = {*self.links, *self.links.values(), *wanted}
         likely = [
@@ -314,22 +314,20 @@ class PoseGraph:
         problem = Problem(trajectory.factors(), seen, *known, CHI2_997, self.rule.freedom)
         return Snapshot(rows, problem, trajectory.factors(loose=True), trajectory.poses, self._biases)
 
-    def correct(
-        self, solution: Solution, covariances: Array, relinked: bool, now_s: float
-    ) -> TrajectoryCorrection | None:
+    def correct(self, solution: Solution, covariances: Array, relinked: bool) -> TrajectoryCorrection | None:
         """Moves poses to the solution, with its poses' covariances (K, 3, 3). Where links are as before and no pose
         moves by more than its standard deviation, only covariances change and the result is None. relinked: whether
-        links changed; poses move then in any case. now_s: stamp of the frame of the last motion, s."""
+        links changed; poses move then in any case."""
         poses = solution.poses
         before = self.trajectory.poses[: len(poses)]
         sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
         moved = poses - before
         moved[:, 2] = wrap_angles(moved[:, 2])
         if not relinked and (np.abs(moved) <= sigmas).all():
-            self.trajectory.set_poses(before, covariances, now_s)
+            self.trajectory.set_poses(before, covariances)
             return None
         self._biases = solution.biases
-        return self.trajectory.set_poses(poses, covariances, now_s)
+        return self.trajectory.set_poses(poses, covariances)
 
     def drop_keyframes(self) -> None:
         """Drops those keyframes of the older half that are nearest to an earlier one, a radian counting as a metre. The

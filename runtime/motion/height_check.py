@@ -60,16 +60,11 @@ class HeightCheck:
         self._began_s = math.inf
 
     def judge(
-        self,
-        stamp_s: float,
-        camera: FloorCamera,
-        attitude: Attitude,
-        boxes: Detections,
-        motion: Motion,
-        depth: bool = False,
+        self, stamp_s: float, camera: FloorCamera, boxes: Detections, motion: Motion, depth: bool = False
     ) -> Fault | None:
         """The fault after one more frame with a good picture; None where there is none or it was reported before.
-        depth: whether the frame brings any."""
+        camera: with the attitude of the frame. depth: whether the frame brings any."""
+        attitude = camera.attitude or Attitude.of_mount(camera.mount)
         used = attitude.mount.used if attitude.mount else self._used
         if attitude.carried:
             self.reset()

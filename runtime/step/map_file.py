@@ -7,15 +7,17 @@ import uuid
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.grid.rooms import Door, Room
 from edgemap.geometry.grid.walls import walls_of
-from edgemap.geometry.map_object import MapEvent, MapObject, MeasuredFootprint, outline_m, yaw_of, yaw_sigma_of
+from edgemap.geometry.map_object import MapEvent, MapObject, ObjectFootprint, outline_m
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations, MapIdentity, Zone
 from edgemap.geometry.objects.approach import Approach
 from edgemap.geometry.objects.rooms import rooms_of
@@ -54,41 +56,44 @@ def map_document(
     """
     views = {item.id: [_place(view, 3) for view in item.seen_from_m] for item in objects if item.seen_from_m}
     document: dict = {"format": FORMAT, "frame": "map"} | identity_record(annotations.identity)
-    document |= {"objects": [object_record(item) for item in objects]}
-    document |= {"seen_from_m": views} if views else {}
+    document |= {"objects": [object_record(item) for item in objects]} | _present(seen_from_m=views)
     if grid is not None:
         document |= {"grid": grid_file, "grid_sum": grid_sum(grid), "walls": wall_records(grid)}
     rooms, doors = rooms_of(objects, annotations, grid)
-    document |= {"rooms": [room_record(room) for room in rooms]} if rooms else {}
-    document |= {"doors": [door_record(door) for door in doors]} if doors else {}
-    document |= {"zones": [zone_record(zone) for zone in annotations.zones]} if annotations.zones else {}
-    for name in ("deleted", "vanished"):
-        some = getattr(annotations, name)
-        document |= {name: [object_record(item) for item in some]} if some else {}
-    poses = {"dock": annotations.dock, "last_pose": last_pose}
-    return document | {name: pose_record(pose) for name, pose in poses.items() if pose is not None}
+    return document | _present(
+        rooms=[room_record(room) for room in rooms],
+        doors=[door_record(door) for door in doors],
+        zones=[zone_record(zone) for zone in annotations.zones],
+        deleted=[object_record(item) for item in annotations.deleted],
+        vanished=[object_record(item) for item in annotations.vanished],
+        dock=annotations.dock and pose_record(annotations.dock),
+        last_pose=last_pose and pose_record(last_pose),
+    )
+
+
+def _present(**values: object) -> dict[str, object]:
+    """The values that there are: neither None nor empty."""
+    return {name: value for name, value in values.items() if value is not None and value not in ("", [], {})}
 
 
 def identity_record(identity: MapIdentity | None) -> dict:
     """Which map it is, and how far it can be trusted, as `map.json` holds it."""
     if identity is None:
         return {}
-    level, reasons = identity.level, list(identity.reasons)
-    verdict = {"verdict": {"level": level, "reasons": reasons}} if level else {}
-    return {"map_id": identity.map_id, "generation": identity.generation} | verdict
+    verdict = {"level": identity.level, "reasons": list(identity.reasons)} if identity.level else None
+    return {"map_id": identity.map_id, "generation": identity.generation} | _present(verdict=verdict)
 
 
 def event_record(event: MapEvent) -> dict:
     """One entry of a history as `map.json` holds it."""
-    record: dict = {"at": utc_text(event.at), "what": event.what, "by": event.by}
-    places = {"from_m": event.from_m, "to_m": event.to_m}
-    record |= {name: _place(place) for name, place in places.items() if place is not None}
-    return record | ({"other": event.other} if event.other else {})
+    from_m, to_m = (place_m and _place(place_m) for place_m in (event.from_m, event.to_m))
+    record = {"at": utc_text(event.at), "what": event.what, "by": event.by}
+    return record | _present(from_m=from_m, to_m=to_m, other=event.other)
 
 
 def change_record(item: MapObject, event: MapEvent) -> dict:
     """An entry of a history with its object, as HTTP and `map show --history` give it."""
-    return {"id": item.id, "label": item.label} | ({"name": item.name} if item.name else {}) | event_record(event)
+    return {"id": item.id, "label": item.label} | _present(name=item.name) | event_record(event)
 
 
 def pose_record(pose: SE2) -> dict[str, float]:
@@ -103,14 +108,12 @@ def goal_record(goal: Approach) -> dict:
 
 def object_record(item: MapObject) -> dict:
     """One object of the map as `map.json` holds it."""
-    stated: dict[str, object] = {"name": item.name} if item.name else {}
-    stated |= {"confirmed": True} if item.confirmed else {}
-    stated |= {"corrected": list(item.corrected)} if item.corrected else {}
-    stated |= {"depth_m": round(item.depth_m, 4)} if item.depth_m is not None else {}
-    yaw_rad, sigma_rad, symmetric = yaw_of(item), yaw_sigma_of(item), (item.covariance_m2 + item.covariance_m2.T) / 2.0
+    depth_m = None if item.depth_m is None else round(item.depth_m, 4)
+    stated = _present(name=item.name, confirmed=item.confirmed or None, corrected=list(item.corrected), depth_m=depth_m)
+    shape, symmetric = item.footprint, (item.covariance_m2 + item.covariance_m2.T) / 2.0
     return stated | {
-        "yaw_rad": None if yaw_rad is None else round(yaw_rad, 5),
-        "yaw_sigma_rad": None if sigma_rad is None else round(sigma_rad, 5),
+        "yaw_rad": None if shape.yaw_rad is None else round(shape.yaw_rad, 5),
+        "yaw_sigma_rad": round(shape.yaw_sigma_rad, 5) if math.isfinite(shape.yaw_sigma_rad) else None,
         "footprint": [_place(corner) for corner in outline_m(item).tolist()],
         "id": item.id,
         "label": item.label,
@@ -240,12 +243,10 @@ def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[lis
         [_object_of(record, document.seen_from_m.get(record.id, []), where) for record in records]
         for records in (document.objects, document.deleted, document.vanished)
     )
-    zones = tuple(Zone(zone.id, zone.name, tuple(zone.corners_m)) for zone in document.zones)
+    plain = partial(msgspec.convert, from_attributes=True)
+    zones, rooms = plain(document.zones, tuple[Zone, ...]), plain(document.rooms, tuple[Room, ...])
+    doors = plain(document.doors, tuple[Door, ...])
     dock, last = (record and record.pose for record in (document.dock, document.last_pose))
-    rooms = tuple(
-        Room(room.id, tuple(room.corners_m), room.kind, room.name, tuple(room.objects)) for room in document.rooms
-    )
-    doors = tuple(Door(door.id, door.from_m, door.to_m, door.rooms, door.open) for door in document.doors)
     return objects, Annotations(
         zones, tuple(deleted), dock, rooms, doors, tuple(vanished), _identity_of(document, data), last
     )
@@ -281,18 +282,18 @@ def _object_of(record: MapObjectRecord, views: list[tuple[float, float]], where:
     )  # fmt: skip
 
 
-def _measured(record: MapObjectRecord) -> MeasuredFootprint | None:
+def _measured(record: MapObjectRecord) -> ObjectFootprint | None:
     """The measured footprint of an object; None of older maps."""
     corners = np.array(record.footprint)
     if len(corners) < 4:
         return None
     if record.yaw_rad is not None and record.yaw_sigma_rad is not None:
         depth_m, width_m = np.linalg.norm(corners[[0, 1]] - corners[[3, 0]], axis=1).tolist()
-        return MeasuredFootprint(width_m, depth_m, record.yaw_rad, record.yaw_sigma_rad)
+        return ObjectFootprint(width_m, depth_m, record.yaw_rad, record.yaw_sigma_rad)
     side_m = math.sqrt(math.pi) * float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).mean())
     usual_m = math.sqrt(math.prod(footprint_m(record.label, record.width_m)))
     is_usual = abs(side_m - usual_m) < 1e-3  # but for the file's rounding
-    return None if record.yaw_rad is not None or is_usual else MeasuredFootprint(side_m, side_m)
+    return None if record.yaw_rad is not None or is_usual else ObjectFootprint(side_m, side_m)
 
 
 def object_uuid(object_id: str, map_id: str = DEFAULT_MAP_ID) -> str:

@@ -20,6 +20,7 @@ from edgemap.geometry.objects.candidates import least_spacing_m
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.observations.class_extents import extent_m
 from edgemap.geometry.slam.object_landmarks import LandmarkRule
+from edgemap.runtime.step.relocalisation import SavedMap
 from edgemap.runtime.step.wall_clock import WallClock
 
 MOVED_M = 0.25  # a shorter way is no move: estimates settle by as much
@@ -46,20 +47,15 @@ class MapMemory:
         self._moved_from: dict[str, str] = {}  # ids of this run's objects, to those that they were in the saved map
         self._shown: dict[str, tuple[tuple[object, ...], MapObject]] = {}
 
-    def enter(
-        self,
-        saved: Iterable[MapObject],
-        annotations: Annotations,
-        grid: OccupancyGrid | None,
-        became: Mapping[str, str] | None = None,
-    ) -> None:
+    def enter(self, saved: SavedMap, became: Mapping[str, str]) -> None:
         """A saved map goes on. became: new ids of this run's objects so far, which were in a separate frame."""
+        annotations = saved.annotations
         self.identity = annotations.identity.next() if annotations.identity else self.identity
-        self._earlier, self._floor = {item.id: item for item in saved}, grid
+        self._earlier, self._floor = {item.id: item for item in saved.objects}, saved.grid
         self._vanished = {item.id: item for item in annotations.vanished}
         self._areas = annotations.rooms, annotations.doors
         events, self._events = self._events, {}
-        for old, name in (became or {}).items():
+        for old, name in became.items():
             if name not in self._earlier:
                 self._events |= {name: events[old]} if old in events else {}
             elif old in self._shown:
@@ -157,15 +153,14 @@ class MapMemory:
         self._vanished.pop(item.id, None)
         for new in [new for new, old in self._moved_from.items() if old == item.id]:  # it has not moved
             del self._moved_from[new], self._earlier[new], self._sighted[new]
-            self._appear(self._standing[new])
+            for row, (stamp_s, event) in enumerate(self._events.get(new, ())):
+                if event.what == "moved" and event.other:
+                    self._events[new][row] = stamp_s, MapEvent("appeared", to_m=event.to_m)
         events = [one for one in self._events.pop(item.id, []) if one[1].what not in ("vanished", "missed")]
         if events:
             self._events[item.id] = events
         elif item.id not in self._earlier:
-            self._appear(item)
-
-    def _appear(self, item: MapObject) -> None:
-        self._events[item.id] = [(item.first_seen_s, MapEvent("appeared", to_m=item.place_m))]
+            self._events[item.id] = [(item.first_seen_s, MapEvent("appeared", to_m=item.place_m))]
 
     def _heir(self, item: MapObject, objects: Sequence[MapObject]) -> str | None:
         """The id of a new object of a class that stands where one has left: it is that one."""

@@ -45,7 +45,7 @@ class VerdictRecord(msgspec.Struct, kw_only=True):
     """How far a map can be trusted, and why not further."""
 
     level: Level
-    reasons: Annotated[list[str], Meta(max_length=100)] = msgspec.field(default_factory=list)
+    reasons: Annotated[list[str], Meta(max_length=100)] = []
 
 
 class MapObjectRecord(msgspec.Struct, kw_only=True):
@@ -62,21 +62,19 @@ class MapObjectRecord(msgspec.Struct, kw_only=True):
     confidence: Share
     first_seen_s: Stamp
     last_seen_s: Stamp
-    labels: Annotated[dict[Name, Share], Meta(max_length=1000)] = msgspec.field(default_factory=dict)
+    labels: Annotated[dict[Name, Share], Meta(max_length=1000)] = {}
     name: GivenName = ""
     confirmed: bool = False
-    corrected: Annotated[list[Literal["label", "position", "size", "yaw"]], Meta(max_length=4)] = msgspec.field(
-        default_factory=list
-    )
+    corrected: Annotated[list[Literal["label", "position", "size", "yaw"]], Meta(max_length=4)] = []
     yaw_rad: Yaw | None = None
     yaw_sigma_rad: Annotated[float, Meta(ge=0.0, le=7.0)] | None = None
-    footprint: Annotated[list[Point], Meta(max_length=100)] = msgspec.field(default_factory=list)
+    footprint: Annotated[list[Point], Meta(max_length=100)] = []
     depth_m: Size | None = None
     first_seen: Utc | None = None
     last_seen: Utc | None = None
     since: Utc | None = None
     earlier: bool = False
-    history: Annotated[list[EventRecord], Meta(max_length=100)] = msgspec.field(default_factory=list)
+    history: Annotated[list[EventRecord], Meta(max_length=100)] = []
 
 
 class PoseRecord(msgspec.Struct):
@@ -105,7 +103,7 @@ class RoomRecord(ZoneRecord, kw_only=True):
 
     kind: Annotated[str, Meta(max_length=200)] = ""
     area_m2: Annotated[float, Meta(ge=0.0, le=1e9)] = 0.0
-    objects: Annotated[list[Name], Meta(max_length=MAXIMUM_OBJECTS)] = msgspec.field(default_factory=list)
+    objects: Annotated[list[Name], Meta(max_length=MAXIMUM_OBJECTS)] = []
 
 
 class WallRecord(msgspec.Struct, kw_only=True):
@@ -129,21 +127,21 @@ class MapRecord(msgspec.Struct, kw_only=True):
     format: Literal["edgemap.map/1"] = "edgemap.map/1"
     frame: str = "map"
     objects: Annotated[list[MapObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)]
-    zones: Annotated[list[ZoneRecord], Meta(max_length=MAXIMUM_ZONES)] = msgspec.field(default_factory=list)
+    zones: Annotated[list[ZoneRecord], Meta(max_length=MAXIMUM_ZONES)] = []
     grid: Name | None = None
     grid_sum: int | None = None
-    walls: Annotated[list[WallRecord], Meta(max_length=100_000)] = msgspec.field(default_factory=list)
-    rooms: Annotated[list[RoomRecord], Meta(max_length=10_000)] = msgspec.field(default_factory=list)
-    doors: Annotated[list[DoorRecord], Meta(max_length=10_000)] = msgspec.field(default_factory=list)
-    deleted: Annotated[list[MapObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)] = msgspec.field(default_factory=list)
-    seen_from_m: dict[Name, Annotated[list[Point], Meta(max_length=10_000)]] = msgspec.field(default_factory=dict)
+    walls: Annotated[list[WallRecord], Meta(max_length=100_000)] = []
+    rooms: Annotated[list[RoomRecord], Meta(max_length=10_000)] = []
+    doors: Annotated[list[DoorRecord], Meta(max_length=10_000)] = []
+    deleted: Annotated[list[MapObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)] = []
+    seen_from_m: dict[Name, Annotated[list[Point], Meta(max_length=10_000)]] = {}
     dock: PoseRecord | None = None
     last_pose: PoseRecord | None = None
     map_id: Name | None = None
     generation: Annotated[int, Meta(ge=1, le=1 << 40)] = 1
     saved_at: Utc | None = None
     verdict: VerdictRecord | None = None
-    vanished: Annotated[list[MapObjectRecord], Meta(max_length=1000)] = msgspec.field(default_factory=list)
+    vanished: Annotated[list[MapObjectRecord], Meta(max_length=1000)] = []
 
 
 def seconds(at: datetime | None) -> float | None:

@@ -8,7 +8,6 @@ import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import MountEstimate
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.fusion import GridFusion
@@ -29,7 +28,6 @@ from edgemap.runtime.frames.timing import Stopwatch, StreamTimer
 from edgemap.runtime.motion.odometry.protocol import FARTHEST_M, Motion, is_covariance
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection
 from edgemap.runtime.step.map_memory import MapMemory
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.runtime.step.relocalisation import Relocaliser, SavedMap
@@ -38,6 +36,15 @@ from edgemap.runtime.step.relocalisation import Relocaliser, SavedMap
 PICTURE_S = 0.1
 WIDEST_M = 50.0  # that a map becomes by what somebody states: homes are smaller, and memory grows with its square
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoopCorrection:
+    """A loop closure's result. moved_m: correction of this frame's pose. links: number of landmarks matched to earlier
+    ones so far."""
+
+    moved_m: float
+    links: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -91,7 +98,7 @@ class Mapper:
     ) -> None:
         self.config = config or Config()
         self.map, self.paper = FloorMap(self.config.association, self.config.loop_closure), paper
-        self.loop_closer = LoopCloser(closes_loops and paper is None)
+        self.closes_loops = closes_loops and paper is None
         self.forgetter = forgetter if paper is None else None
         self.relocaliser: Relocaliser | None = None
         self.grid = GridFusion(self.config.grid)
@@ -105,7 +112,6 @@ class Mapper:
         self.travelled_m = 0.0
         self.scale = 1.0  # see `MapUpdate`
         self._lens_m = 0.0  # height of the lens
-        self._placed_by: Mount | None = None  # mount that the current landmarks were placed with
         self._relocated: SE2 | None = None  # see `MapUpdate`, for the next step
         self._searched_s = -math.inf  # stamp of the last picture that was searched
         self._blind: Motion | None = None  # since the last step
@@ -152,9 +158,7 @@ class Mapper:
         self.memory.begin(observed.stamp_s, self._shown_grid)
         stage = self._watch.stage
         with stage("closure"):
-            observed = self._timed(_sound(observed))
-            if self._blind is not None:  # the time without pictures since the last step
-                observed, self._blind = replace(observed, motion=_composed(self._blind, observed.motion)), None
+            observed = self._prepared(observed)
             self.scale = observed.scale if self.saved is None else 1.0
             self._advance(observed.motion)
             self._retilt(observed.mount_estimate)
@@ -278,8 +282,7 @@ class Mapper:
             self._relocated = self.relocaliser.alignment.pose_a_b
             self._join(self.saved or SavedMap(), self.relocaliser.alignment)
         else:
-            measured = self.map.objects()
-            self.map = FloorMap.continued(measured, self.config.association, self.config.loop_closure, before=self.map)
+            self.map = self.map.continued(self.map.objects())
             self.grid.transform(SE2())  # what it is fusing belongs to the pose before
         self.pose_map_base, self.pose_covariance = pose, covariance
         return "pose"
@@ -290,15 +293,20 @@ class Mapper:
         saved = self.saved.measured if self.searching and self.saved else ()
         return np.array([*robot, *places_of([*self.objects(), *saved], self._shown_grid)])
 
-    def _timed(self, observed: FrameObservations) -> FrameObservations:
-        """Weighs each sighting by the time since the last searched picture: evidence does not depend on the rate."""
-        if not observed.searched:
-            return observed
-        stamp_s = observed.pictured.stamp_s
-        since_s = stamp_s - self._searched_s if math.isfinite(self._searched_s) else PICTURE_S
-        self._searched_s = stamp_s
-        pictures = max(round(min(since_s / PICTURE_S, REPEATED), 2), 0.01)  # above 0: evidence is divided by it
-        return replace(observed, sightings=[replace(seen, pictures=pictures) for seen in observed.sightings])
+    def _prepared(self, observed: FrameObservations) -> FrameObservations:
+        """Drops observations with NaN, infinity or an invalid covariance, and adds the motion without pictures since
+        the last step. Weighs each sighting by the time since the last searched picture, so that evidence does not
+        depend on the rate."""
+        sightings, motion = list(filter(_is_sound, observed.sightings)), observed.motion.checked("this")
+        if self._blind is not None:
+            motion, self._blind = _composed(self._blind, motion), None
+        if observed.searched:
+            stamp_s = observed.pictured.stamp_s
+            since_s = stamp_s - self._searched_s if math.isfinite(self._searched_s) else PICTURE_S
+            self._searched_s = stamp_s
+            pictures = max(round(min(since_s / PICTURE_S, REPEATED), 2), 0.01)  # above 0: evidence is divided by it
+            sightings = [replace(seen, pictures=pictures) for seen in sightings]
+        return replace(observed, sightings=sightings, motion=motion)
 
     def _advance(self, motion: Motion) -> None:
         """Advance the pose by the motion; the first frame's pose is the map's origin and exact."""
@@ -317,32 +325,33 @@ class Mapper:
         """Move what was placed by the mount's angles when their estimate changes."""
         if seen is None:
             return
-        before, self._placed_by = self._placed_by or seen.given, seen.used
-        tilt_rad = np.array([seen.used.roll_rad - before.roll_rad, seen.used.pitch_rad - before.pitch_rad])
-        if tilt_rad.any():
-            self.map.retilt(tilt_rad)
+        tilt_rad = np.array([seen.used.roll_rad - seen.given.roll_rad, seen.used.pitch_rad - seen.given.pitch_rad])
+        if (tilt_rad != self.map.graph.tilt_rad).any():
+            self.map.graph.tilt_rad = tilt_rad
+            self.map.moved()
 
     def _close_loops(self, observed: FrameObservations) -> LoopCorrection | None:
         """One unit of loop closure; a correction moves pose, trajectory, map, grid and edits."""
-        graph, motion, now_s = self.map.graph, observed.motion, observed.stamp_s
+        graph, motion = self.map.graph, observed.motion
         if not len(graph.trajectory):
-            graph.trajectory.begin(self.pose_map_base, self.pose_covariance, now_s)
+            graph.trajectory.begin(self.pose_map_base, self.pose_covariance, observed.stamp_s)
             return None
-        is_keyframe = graph.trajectory.advance(motion.motion, motion.covariance, now_s, motion.heading_rad2)
-        ended, past = self.loop_closer.step(self.map, is_keyframe, now_s)
+        is_keyframe = graph.trajectory.advance(motion.motion, motion.covariance, observed.stamp_s, motion.heading_rad2)
+        ended, past = self.map.maintain(is_keyframe, self.closes_loops)
         if ended:
             self.pose_covariance = graph.trajectory.covariance
+        corrections = [] if past is None else [past]
         if motion.instead is not None and self.paper is None:
-            replaced = graph.trajectory.replace_motions(motion.instead, now_s, motion.in_map)
-            past = replaced if past is None else past.compose(replaced)
-        if past is None:
+            corrections.append(graph.trajectory.replace_motions(motion.instead, motion.in_map))
+        if not corrections:
             return None
         before, self.pose_map_base = self.pose_map_base, graph.trajectory.pose
-        self.trajectory.correct(past)
+        for past in corrections:
+            self.trajectory.correct(past)
+            self.grid.moved(past)
+            self.edits.moved(past)
         self.map.moved()
         self.memory.corrected()
-        self.grid.moved(past)
-        self.edits.moved(past)
         moved_m = math.hypot(self.pose_map_base.x_m - before.x_m, self.pose_map_base.y_m - before.y_m)
         return LoopCorrection(moved_m, graph.accepted)
 
@@ -374,9 +383,9 @@ class Mapper:
 
     def _join(self, saved: SavedMap, alignment: Alignment) -> dict[str, str]:
         """Merges the saved map and this run's, in the saved one's frame. Returns the new ids of this run's objects."""
-        association, loop_closure = self.config.association, self.config.loop_closure
-        merged, became = merge_maps(saved.measured, self.map.objects(), alignment, loop_closure.landmarks)
-        self.map = FloorMap.continued(merged, association, loop_closure, self.map, became)
+        rule = self.config.loop_closure.landmarks
+        merged, became = merge_maps(saved.measured, self.map.objects(), alignment, rule)
+        self.map = self.map.continued(merged, became)
         self.pose_covariance = compose_covariance(
             alignment.pose_a_b, alignment.covariance, self.pose_map_base, self.pose_covariance
         )
@@ -385,7 +394,7 @@ class Mapper:
         self.grid.transform(alignment.pose_a_b)
         if saved.grid is not None:
             self.grid.continue_from(saved.grid)
-        self.memory.enter(saved.objects, saved.annotations, saved.grid, became)
+        self.memory.enter(saved, became)
         self.edits.enter(saved.objects, saved.annotations, alignment.pose_a_b)
         return became
 
@@ -411,18 +420,10 @@ def far_from_map(points_m: Sequence[Sequence[float]], places_m: Array) -> str:
 
 
 def _composed(first: Motion, second: Motion) -> Motion:
-    """Two motions, one after the other, as one."""
+    """Two motions, one after the other, as one: what the map depends on."""
     covariance = compose_covariance(first.motion, first.covariance, second.motion, second.covariance)
-    state = first.state if first.blind else second.state
     path = second if second.instead else first
-    made = Motion(first.motion @ second.motion, covariance, second.faults, state)
-    return replace(made, instead=path.instead, in_map=path.in_map)
-
-
-def _sound(observed: FrameObservations) -> FrameObservations:
-    """Drops observations with NaN, infinity or an invalid covariance."""
-    sightings = [sighting for sighting in observed.sightings if _is_sound(sighting)]
-    return replace(observed, sightings=sightings, motion=observed.motion.checked("this"))
+    return Motion(first.motion @ second.motion, covariance, instead=path.instead, in_map=path.in_map)
 
 
 def _is_sound(sighting: Sighting) -> bool:

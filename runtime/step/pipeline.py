@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.depth_points import SparseDepth
@@ -30,15 +30,7 @@ from edgemap.runtime.step.frame_observations import FrameObservations
 # A repeated picture is still searched while the robot has moved by less since it was new.
 SAME_VIEW_M, SAME_VIEW_RAD = 0.02, math.radians(0.5)
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Searched:
-    """A picture that the detector searches, and what the step knows of it."""
-
-    frame: Frame
-    attitude: Attitude
-    observed: FrameObservations
-    depth: SparseDepth | None
+_Observed = tuple[Frame, FrameObservations]
 
 
 class Pipeline:
@@ -75,8 +67,8 @@ class Pipeline:
         self._network = Detector(fitted, self._decode)
         self._beside = None if sensing is bundle else DetectorBeside(Detector(bundle, self._decode))
         self._paced = bundle.paced
-        self._waiting: _Searched | None = None  # for its boxes
-        self._newest: tuple[Frame, FrameObservations] | None = None
+        self._waiting: _Observed | None = None  # for its boxes
+        self._newest: _Observed | None = None
         self.pictured: Frame | None = None  # that the boxes of the last step are of
         self._names = bundle.names
         self._detections = Detections.none(bundle.names)  # of the last picture that was searched
@@ -115,7 +107,7 @@ class Pipeline:
         motion = motion or self._motion_by_picture(frame, outputs, attitude, health)
         with stage("attitude"):
             camera = self.camera.at(self.attitude.update(motion.rotation))
-        depth = SparseDepth.of(frame.depth) if sensed and frame.depth is not None else None
+        depth = frame.depth if sensed and self._depth.fit else None
         observed = FrameObservations(
             index=frame.index,
             stamp_s=frame.stamp_s,
@@ -128,14 +120,14 @@ class Pipeline:
             searched=False,
             at_rest=at_rest,
             floor=self._floor if sensed else None,
-            depth=depth if self._depth.fit else None,
+            depth=None if depth is None else SparseDepth.of(depth),
         )
-        found = _Searched(frame, attitude, observed, depth) if searched else None
+        found = (frame, observed) if searched else None
         if searched and self._beside is not None:
             found, self._waiting = self._waiting, found
         self.pictured, height = frame, self._height
         if found is not None:
-            observed = self._with_boxes(observed, found)
+            observed = self._with_boxes(observed, *found)
         every = dict.fromkeys((health.fault, *self.attitude.faults, *observed.faults, *motion.faults))
         faults = tuple(fault for fault in every if fault is not None)
         observed = replace(observed, faults=faults, height_estimate=height.estimate, scale=height.scale)
@@ -150,19 +142,20 @@ class Pipeline:
             return None
         self._detections = self._beside.last() or self._detections
         frame, observed = self._newest
-        return frame, replace(self._with_boxes(observed, found), motion=no_motion(), faults=(), stages_ms={})
+        return frame, replace(self._with_boxes(observed, *found), motion=no_motion(), faults=(), stages_ms={})
 
-    def _with_boxes(self, observed: FrameObservations, found: _Searched) -> FrameObservations:
-        """This frame's observations with the newest boxes, those of `found`, and the faults of depth and height."""
-        frame, seen, boxes, stage = found.frame, found.observed, self._detections, self._watch.stage
+    def _with_boxes(self, observed: FrameObservations, frame: Frame, seen: FrameObservations) -> FrameObservations:
+        """This frame's observations with the newest boxes, those of the picture `frame` with its observations `seen`,
+        and the faults of depth and height."""
+        boxes, stage = self._detections, self._watch.stage
         camera, floor, self.pictured = seen.camera or self.camera, seen.floor, frame
         with stage("floor"):
             depth = frame.depth if self._depth.fit else None
             sightings = sightings_of(boxes, camera, self.rule, frame.index, frame.stamp_s, depth, floor, self.evidence)
         with stage("height"):
-            by_depth = self._depth.judge(found.depth, floor, camera, self._height.estimate)
-            known = found.attitude, boxes, seen.motion, frame.depth is not None
-            by_height = self._height.judge(frame.stamp_s, camera, *known)
+            depths = None if frame.depth is None else SparseDepth.of(frame.depth)
+            by_depth = self._depth.judge(depths, floor, camera, self._height.estimate)
+            by_height = self._height.judge(frame.stamp_s, camera, boxes, seen.motion, depths is not None)
         return replace(
             observed, detections=boxes, sightings=sightings, searched=True, worktop=is_worktop(floor, boxes),
             before=None if seen is observed else seen, faults=tuple(filter(None, (by_depth, by_height))),

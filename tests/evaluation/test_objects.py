@@ -10,7 +10,7 @@ from edgemap.evaluation.footprints import iou, score_footprints, yaw_error_deg
 from edgemap.evaluation.map_alignment import aligned_figures
 from edgemap.evaluation.objects import TrueObject, evaluation_rows, score_map
 from edgemap.evaluation.rows import tally
-from edgemap.geometry.map_object import MapObject, MeasuredFootprint, outline_m
+from edgemap.geometry.map_object import MapObject, ObjectFootprint, outline_m
 
 
 def mapped(name, x, y, sigma=0.1):
@@ -129,14 +129,14 @@ def test_overlap_and_turn_of_footprints_by_hand():
     assert yaw_error_deg(SQUARE[[1, 2, 3, 0]] * [1.0, 0.9], SQUARE) == pytest.approx(0.0)
 
 
-def shaped(shape: MeasuredFootprint | None, x_m: float = 2.0) -> MapObject:
+def shaped(shape: ObjectFootprint | None, x_m: float = 2.0) -> MapObject:
     return MapObject("couch-1", "couch", np.array([x_m, 0.0]), np.eye(2), 1.0, 1.0, 9, 0.9, 0.0, 1.0, measured=shape)
 
 
 def test_figures_of_one_couch():
-    corners = outline_m(shaped(MeasuredFootprint(2.0, 0.8, math.radians(10.0), 0.1)))
+    corners = outline_m(shaped(ObjectFootprint(2.0, 0.8, math.radians(10.0), 0.1)))
     truth = [TrueObject("couch", 2.0, 0.0, True, 20, tuple(map(tuple, corners.tolist())))]
-    turned = score_footprints([shaped(MeasuredFootprint(2.0, 0.8, math.radians(178.0), 0.1))], truth)
+    turned = score_footprints([shaped(ObjectFootprint(2.0, 0.8, math.radians(178.0), 0.1))], truth)
     assert turned["f1_iou25"] == 1.0
     assert turned["yaw_error_deg"] == pytest.approx(12.0, abs=0.1)
     circle = score_footprints([shaped(None)], truth)

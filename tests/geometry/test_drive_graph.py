@@ -105,8 +105,8 @@ def test_a_link_needs_other_links_of_about_its_own_time():
 
 def test_two_visits_that_become_one_take_their_links_and_neighbours_along(placed):
     graph = PoseGraph()
-    a, b = graph.observe([placed("chair", 0.0, 0.0, 0), placed("chair", 3.0, 0.0, 0)], 1)
-    again, c = graph.observe([placed("chair", 0.0, 0.0, 1), placed("chair", 6.0, 0.0, 1)], 2)
+    a, b = graph.observe([placed("chair", 0.0, 0.0, 0), placed("chair", 3.0, 0.0, 0)])
+    again, c = graph.observe([placed("chair", 0.0, 0.0, 1), placed("chair", 6.0, 0.0, 1)])
     assert again is a
     assert (a.distinct, b.distinct) == ({b.number, c.number}, {a.number})
     graph.links = {c.number: a.number}
@@ -114,4 +114,4 @@ def test_two_visits_that_become_one_take_their_links_and_neighbours_along(placed
     assert graph.links == {b.number: a.number}  # what c was linked to
     assert sorted(graph.landmarks) == [a.number, b.number]
     assert b.sums.count == 2
-    assert b.updated == 2
+    assert b.sums.last_seen_s == 0.1

@@ -40,7 +40,7 @@ EDITS = st.one_of(
 
 def measured():
     config = Config()
-    return FloorMap.continued(MEASURED, config.association, config.loop_closure)
+    return FloorMap(config.association, config.loop_closure).continued(MEASURED)
 
 
 def anchors(points):
@@ -71,7 +71,7 @@ def test_a_map_with_edits_is_saved_and_gone_on_with(edits):
     ids = [item.id for item in (*objects, *annotations.deleted)]
     assert len(ids) == len(set(ids))
     config = Config()
-    later = FloorMap.continued(annotations.measured(objects), config.association, config.loop_closure)
+    later = FloorMap(config.association, config.loop_closure).continued(annotations.measured(objects))
     again = MapEvents.of(objects, annotations)
     assert map_document(again.shown(later), again.annotations(later)) == map_document(objects, annotations)
 

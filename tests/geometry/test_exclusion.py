@@ -15,11 +15,17 @@ def mapped(identity, x_m, y_m=0.0, count=10):
     return Candidate(identity, identity.rpartition("-")[0], [], position_m=np.array([x_m, y_m]), sums=sums)
 
 
+def put(item, candidates, overlaps):
+    candidates[item.id] = item
+    overlaps.change(item.id)
+
+
 def without_overlaps(candidates, order=None):
     """The best candidate of each object, in the order given."""
-    overlaps = Overlaps()
-    for row in order or range(len(candidates)):
-        overlaps.update(candidates[row])
+    listed = dict[str, Candidate]()
+    overlaps = Overlaps(listed)
+    for item in [candidates[row] for row in order or range(len(candidates))]:
+        put(item, listed, overlaps)
         overlaps.settle()
     assert {item.id for members in overlaps.members.values() for item in members} == {c.id for c in candidates}
     return [item for item in candidates if item.id in overlaps.members]
@@ -70,22 +76,26 @@ ROWS = st.lists(ROW, max_size=12)
 def test_what_changed_and_came_back_is_as_if_it_had_never_changed(rows, seed):
     """Candidates that moved, that were observed more often, and that were gone for a while."""
     objects = [mapped(f"{label}-{n}", x, y, count) for n, (label, x, y, count) in enumerate(rows)]
-    random, overlaps, fresh = np.random.default_rng(seed), Overlaps(), Overlaps()
+    random, listed, others = np.random.default_rng(seed), dict[str, Candidate](), dict[str, Candidate]()
+    overlaps, fresh = Overlaps(listed), Overlaps(others)
     for item in [item for item in objects for _ in range(3)]:
-        overlaps.update(mapped(item.id, *(item.position_m + random.normal(0.0, 0.3, 2)), random.integers(1, 99)))
+        at = item.position_m + random.normal(0.0, 0.3, 2)
+        put(mapped(item.id, *at, random.integers(1, 99)), listed, overlaps)
         if random.random() < 0.3:
             overlaps.settle()
-            overlaps.remove(item.id)
+            del listed[item.id]
+            overlaps.change(item.id)
         if random.random() < 0.5:
             overlaps.settle()
-    for found in (overlaps, fresh):
+    for found, known in ((overlaps, listed), (fresh, others)):
         for item in objects:
-            found.update(item)
+            put(item, known, found)
         found.settle()
         assert {found.best(item.id) for item in objects} == set(found.members)
     assert overlaps.members == fresh.members
     for item in objects[::2]:
-        overlaps.remove(item.id)
+        del listed[item.id]
+        overlaps.change(item.id)
     overlaps.settle()
     assert all(overlaps.best(item.id) == item.id for item in objects[::2])
     assert {one.id for own in overlaps.members.values() for one in own} == {item.id for item in objects[1::2]}

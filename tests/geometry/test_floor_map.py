@@ -68,7 +68,7 @@ def moved(chairs, *moves):
     """Each keyframe moves by (2,)."""
     trajectory = chairs.graph.trajectory
     poses = trajectory.poses + np.column_stack([moves, np.zeros(len(moves))])
-    trajectory.set_poses(poses, trajectory.covariances, 99.0)
+    trajectory.set_poses(poses, trajectory.covariances)
     chairs.moved()
 
 
@@ -87,7 +87,7 @@ def test_a_saved_object_keeps_its_id_when_what_was_taken_for_it_proves_another(p
     before = FloorMap()
     visited(before, placed, 2.0, 0.0, range(5))
     (saved,) = before.objects()
-    chairs = FloorMap.continued([saved])
+    chairs = FloorMap().continued([saved])
     visited(chairs, placed, 2.0, 0.0, range(10, 30))
     assert [item.id for item in chairs.objects()] == ["chair-1"]
     moved(chairs, [3.0, 0.0])
@@ -251,7 +251,7 @@ def test_what_an_earlier_map_is_sure_of_is_not_doubted_when_seen_again(placed):
     for frame in range(30):
         first.update([placed("chair", 2.0, 0.0, frame)])
     (saved,) = first.objects()
-    again = FloorMap.continued([saved])
+    again = FloorMap().continued([saved])
     again.update([placed("chair", 2.0, 0.0, 40, score=0.4)])
     (item,) = again.objects()
     assert (item.count, item.confidence) == (31, pytest.approx(saved.confidence))

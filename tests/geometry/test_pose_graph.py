@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from support.units import ended
 
@@ -15,7 +13,6 @@ from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.geometry.slam import least_squares as graph
 from edgemap.geometry.slam.keyframes import KeyframeTrajectory
 from edgemap.geometry.slam.least_squares import ObservationFactors, OdometryFactors, Problem
-from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 FIXED = np.eye(3) * 1e8
 AT_REST = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), FIXED, 0.0, np.zeros(1), np.zeros(1))
@@ -161,7 +158,6 @@ def test_a_robust_kernel_charges_less_for_a_residual_of_three_standard_deviation
 
 
 STEP, SPREAD = SE2(0.1, 0.0, 0.02), np.diag([1e-5, 1e-5, 1e-5])
-poses = st.builds(SE2, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
 
 
 def driven(frames, rule=None):
@@ -194,19 +190,6 @@ def test_loops_are_searched_with_room_for_a_slip_and_closed_by_the_odometrys_own
     assert merged[2] == pytest.approx(3 * own[2], rel=0.05)
 
 
-def moves(stamps_s, *poses):
-    return TrajectoryCorrection(np.array(stamps_s), np.array([pose.vector() for pose in poses]))
-
-
-@given(poses, poses, poses, poses)
-def test_moving_twice_is_moving_once(first, second, third, there):
-    early = moves([0.0, 2.0], first, second)
-    late = moves([0.0, 1.0, 3.0], second, third, first)
-    for stamp, expected in ((0.5, second @ first), (1.5, third @ first), (2.5, third @ second), (9.0, first @ second)):
-        (found,) = early.compose(late).moved_poses([stamp], [there.vector()])
-        assert SE2(*found).matrix() == pytest.approx((expected @ there).matrix(), abs=1e-9)
-
-
 def test_the_past_moves_and_what_comes_after_the_solution_follows_it():
     trajectory = driven(12)
     before, covariance = trajectory.poses, np.diag([0.01, 0.02, 0.003])
@@ -214,7 +197,7 @@ def test_the_past_moves_and_what_comes_after_the_solution_follows_it():
     turned = [(SE2(0, 0, 0.5) @ SE2(*pose)).vector() for pose in before]
     solved = np.array(turned[:3])  # the fourth keyframe was made while the solver was at work
     covariances = np.array([0.2, 0.5, 1.0])[:, None, None] * covariance
-    correction = trajectory.set_poses(solved, covariances, 1.1)
+    correction = trajectory.set_poses(solved, covariances)
     np.testing.assert_allclose(correction.moved_poses([0.0, 0.3, 0.6, 0.9, 1.0], [*before, before[-1]])[:4], turned)
     assert trajectory.pose.vector() == pytest.approx((SE2(0, 0, 0.5) @ SE2(*before[-1]) @ trajectory.since).vector())
     now = trajectory.pose.vector()
@@ -250,7 +233,7 @@ def test_headings_of_a_compass_tell_as_much_together_as_one_of_them():
     assert before.headings == pytest.approx([0.5, 0.6, 0.7, 0.8])
     assert before.heading_information == pytest.approx([0.0, 12.5, 0.0, 12.5])  # together 25, as one of them
     turned = way.poses + [0.0, 0.0, 0.2]
-    way.set_poses(turned, np.zeros((4, 3, 3)), 0.4)
+    way.set_poses(turned, np.zeros((4, 3, 3)))
     assert way.factors().headings == pytest.approx(before.headings)  # they were measured, and stay what they were
     way.drop({1})
     assert way.factors().headings == pytest.approx([0.5, 0.7, 0.8])

@@ -11,7 +11,7 @@ from support.rooms import mapped
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import OCCUPIED, OccupancyGrid
-from edgemap.geometry.map_object import MapObject, MeasuredFootprint, outline_m, radius_m
+from edgemap.geometry.map_object import MapObject, ObjectFootprint, outline_m, radius_m
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.approach import ApproachRule, approach
 from edgemap.geometry.objects.footprint import FootprintRule, fitted
@@ -93,7 +93,7 @@ def test_a_new_object_enters_and_a_new_zone_has_what_is_in_it():
 RULE = replace(FootprintRule(), margin_m=0.0)
 
 
-def outlined(label: str, shape: MeasuredFootprint | None, at: tuple[float, float] = (3.0, 1.0)) -> MapObject:
+def outlined(label: str, shape: ObjectFootprint | None, at: tuple[float, float] = (3.0, 1.0)) -> MapObject:
     covariance = np.eye(2) * 0.01
     return MapObject(f"{label}-1", label, np.array(at), covariance, 1.0, 0.8, 9, 0.9, 0.0, 1.0, measured=shape)
 
@@ -111,7 +111,7 @@ def outline(corners: np.ndarray, lens: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("yaw_deg", [0, 35, 90, 140])
 @pytest.mark.parametrize(("label", "size"), [("couch", (1.7, 0.8)), ("bed", (1.4, 2.1)), ("dining table", (1.6, 0.8))])
 def test_a_rectangle_seen_from_several_sides_is_found(label: str, size: tuple[float, float], yaw_deg: int):
-    true = outlined(label, MeasuredFootprint(size[0], size[1], math.radians(yaw_deg), 0.1))
+    true = outlined(label, ObjectFootprint(size[0], size[1], math.radians(yaw_deg), 0.1))
     angles = np.radians(np.linspace(-90.0, 90.0, 7) + yaw_deg)
     views = true.position_m + 3.0 * np.column_stack([np.cos(angles), np.sin(angles)])
     outlines = np.array([outline(outline_m(true), lens) for lens in views])
@@ -130,7 +130,7 @@ def test_what_no_box_outlines_is_a_circle():
     assert np.ptp(np.linalg.norm(circle - [3.0, 1.0], axis=1)) < 1e-9
 
 
-@pytest.mark.parametrize("shape", [None, MeasuredFootprint(1.9, 0.8, 2.5, 0.2), MeasuredFootprint(0.7, 0.7)])
+@pytest.mark.parametrize("shape", [None, ObjectFootprint(1.9, 0.8, 2.5, 0.2), ObjectFootprint(0.7, 0.7)])
 def test_a_footprint_survives_the_file_and_a_person_overrides_it(shape):
     before = outlined("couch", shape)
     (after,), _ = read_map(saved_text(map_document([before])).encode(), "test")
@@ -142,7 +142,7 @@ def test_a_footprint_survives_the_file_and_a_person_overrides_it(shape):
 
 
 def test_the_surer_yaw_of_two_maps_stays_and_a_robot_stops_at_the_front():
-    shapes = MeasuredFootprint(2.0, 0.9, 0.5, 0.1), MeasuredFootprint(1.8, 0.9, 1.2, 0.4)
+    shapes = ObjectFootprint(2.0, 0.9, 0.5, 0.1), ObjectFootprint(1.8, 0.9, 1.2, 0.4)
     sure, unsure = (outlined("couch", shape) for shape in shapes)
     assert fused(unsure, sure, LandmarkRule()).measured == sure.measured
     goal = approach(sure, [sure])

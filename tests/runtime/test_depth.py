@@ -78,7 +78,7 @@ def faults_of(mounted, believed=MOUNT, frames=45):
         nod = Mount(mounted.height_m, mounted.pitch_rad + math.radians(0.4) * math.sin(index), mounted.roll_rad)
         frame = Frame(index, index / 4, BLANK, depth=depth_room(nod))
         attitude = source.predict(frame)
-        told += [*source.faults, check.judge(frame.stamp_s, camera.at(attitude), attitude, none, Motion())]
+        told += [*source.faults, check.judge(frame.stamp_s, camera.at(attitude), none, Motion())]
     return [fault for fault in told if fault]
 
 

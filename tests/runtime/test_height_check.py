@@ -70,7 +70,7 @@ def by_wheels(scale, count=300, sigma_m=0.0005, slip=0, boxes=None):
         rolled_m = 0.05 * (2.0 if index >= count - slip else 1.0)
         lengths = 0.05 * scale + random.normal(0.0, sigma_m), rolled_m
         motion = Motion(SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-6, lengths=lengths)
-        fault = check.judge(index / 10.0, camera, Attitude.of_mount(mount), boxes or Detections.none(NAMES), motion)
+        fault = check.judge(index / 10.0, camera, boxes or Detections.none(NAMES), motion)
         faults += [(index / 10.0, fault)] if fault else []
     return faults
 
@@ -109,8 +109,8 @@ def seen(check, indices, boxes=BOXES, mount=TAKEN, attitude=None, **measured):
     """Judges so many frames, ten a second, which are no fault. measured: motion, depth."""
     for index in indices:
         given = {"motion": Motion()} | measured
-        told = attitude or Attitude.of_mount(mount)
-        assert not check.judge(index / 10, FloorCamera(LENS, mount), told, boxes, **given)
+        camera = FloorCamera(LENS, mount, attitude)
+        assert not check.judge(index / 10, camera, boxes, **given)
 
 
 @pytest.mark.parametrize("guessed", [0.0, 0.3])

@@ -17,7 +17,6 @@ from support.painted import FLOOR
 from support.rooms import ROOM, furnished
 
 from edgemap.bridges.ros2.messages.tf_tree import TfTree
-from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam import loop_closure
@@ -27,7 +26,6 @@ from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.outputs import sightings_file
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step import pose_journal
-from edgemap.runtime.step.loop_closing import LoopCloser
 from edgemap.runtime.step.map_file import load_map, save_map
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pose_journal import PoseJournal
@@ -176,18 +174,6 @@ def test_a_correction_in_the_step_that_finds_the_saved_map_moves_the_past_before
     now = journal.at([0.0, 1.0, 2.0, 3.0, 4.0])
     true = [*told[:2], SE2(0.2, 0.5, 0.0), SE2(0.3, 0.5, 0.0), SE2(0.4, 0.5, 0.0)]
     np.testing.assert_allclose(now, [(turn @ pose).vector() for pose in true], atol=1e-12)
-
-
-@pytest.mark.parametrize("closes_loops", [True, False])
-def test_a_map_that_is_replaced_in_a_closure_does_not_keep_the_next_one_from_beginning(closes_loops):
-    closer, old, new = LoopCloser(closes_loops), FloorMap(), FloorMap()
-    for floor_map in (old, new):
-        floor_map.graph.trajectory.begin(SE2(), np.zeros((3, 3)), 0.0)
-        while len(floor_map.graph.trajectory) < 4:  # a closure is due
-            floor_map.graph.trajectory.advance(SE2(0.3, 0.0, 0.0), np.eye(3), 0.0)
-    steps = [(old, True), (new, True), (new, False), (new, False), (new, False), (new, False)]
-    ended = [closer.step(floor_map, due, 0.1) for floor_map, due in steps]
-    assert ended == [(False, None), (True, None), (False, None), (False, None), (True, None), (False, None)]
 
 
 SIGMAS = np.array([0.002, 0.002, 0.002])  # m, m, rad, of one motion: as stated, and as it is

@@ -128,7 +128,9 @@ def test_an_older_map_gets_an_id_of_its_content_and_keeps_it(tmp_path):
 def remembering(saved, grid=FREE_FLOOR):
     memory = MapMemory()
     memory.clock.note(0.0, ClockReading(0.0, NOON))
-    memory.enter([replace(item, first_seen=NOON - 99.0, last_seen=NOON - 50.0) for item in saved], NO, grid)
+    memory.enter(
+        SavedMap([replace(item, first_seen=NOON - 99.0, last_seen=NOON - 50.0) for item in saved], NO, grid), {}
+    )
     memory.begin(10.0, FREE_FLOOR)
     memory.annotated(saved, {})
     return memory
@@ -182,6 +184,15 @@ def test_what_was_missed_is_moved_once_its_place_is_seen_to_be_free():
     memory.annotated([ROOM[1], MOVED], {})
     shown = memory.annotated([ROOM[1], MOVED], {})
     assert [event.what for event in shown[1].history] == ["moved"]
+
+
+def test_what_was_moved_may_leave_before_the_first_one_is_back():
+    memory = remembering(ROOM)
+    for shown in ([ROOM[1], MOVED], [ROOM[1], MOVED], [ROOM[1]], ROOM):
+        objects = memory.annotated(shown, {})
+    assert [(item.id, item.earlier) for item in objects] == [("chair-1", True), ("couch-1", True)]
+    (gone,) = memory.annotations(NO).vanished
+    assert (gone.id, [event.what for event in gone.history]) == ("chair-2", ["appeared", "vanished"])
 
 
 def test_what_is_there_under_a_new_id_has_not_vanished():

@@ -57,7 +57,7 @@ def in_room(objects, origin):
 
 
 def test_a_saved_map_without_new_sightings_stays_as_it_is(saved):
-    again = FloorMap.continued(saved)
+    again = FloorMap().continued(saved)
     for _ in range(700):  # more than what is forgotten after
         again.update([])
     assert map_document(again.objects()) == map_document(saved)
@@ -132,7 +132,7 @@ def test_saved_chairs_side_by_side_stay_two():
 def test_ids_given_twice_are_refused():
     saved = mapped([("chair", 2.0, 0.0)])
     with pytest.raises(MapError, match="2 objects share 1 ids"):
-        FloorMap.continued(saved + saved)
+        FloorMap().continued(saved + saved)
 
 
 def first_found(results):

@@ -10,7 +10,7 @@ from edgemap.bridges.ros2.messages.definitions import Message
 from edgemap.bridges.ros2.messages.topics import IDS, FrameIds
 from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.map_object import MapObject, ellipse_95, footprint_of, yaw_of
+from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.objects.annotations import MapIdentity
 from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.outputs.map_formats.grid import FloorCells
@@ -85,13 +85,14 @@ def _height_m(item: MapObject) -> float:
 
 def _pose(item: MapObject) -> dict[str, dict[str, float]]:
     """Of the middle of its box; x is forward where it has a yaw."""
-    pose, yaw_rad = {"position": _place(item, _height_m(item) / 2.0)}, yaw_of(item)
+    pose, yaw_rad = {"position": _place(item, _height_m(item) / 2.0)}, item.footprint.yaw_rad
     return pose if yaw_rad is None else pose | {"orientation": orientation(yaw_rad)}
 
 
 def _box(item: MapObject) -> dict[str, float]:
     """Sides of its box; as deep as wide, as it appears, where its yaw is unknown."""
-    width_m, depth_m = (item.width_m, item.width_m) if yaw_of(item) is None else footprint_of(item)
+    shape = item.footprint
+    width_m, depth_m = (item.width_m,) * 2 if shape.yaw_rad is None else (shape.width_m, shape.depth_m)
     return {"x": max(float(depth_m), FLAT_M), "y": max(float(width_m), FLAT_M), "z": _height_m(item)}
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, GridRule, OccupancyGrid
-from edgemap.geometry.map_object import MapObject, footprint_of, reach_m, yaw_of
+from edgemap.geometry.map_object import MapObject, reach_m
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
 
@@ -103,8 +103,9 @@ def _occupy(grid: FloorCells, item: MapObject) -> None:
     c1, r1 = np.ceil(at + radius).astype(int)
     x, y = (np.arange(c0, c1) + 0.5 - at[0])[None, :], (np.arange(r0, r1) + 0.5 - at[1])[:, None]
     inside = x**2 + y**2 <= radius**2
-    if (yaw_rad := yaw_of(item)) is not None:
-        (width, depth), cosine, sine = footprint_of(item), math.cos(yaw_rad) * res, math.sin(yaw_rad) * res
-        inside = (np.abs(cosine * x + sine * y) <= depth / 2.0) & (np.abs(cosine * y - sine * x) <= width / 2.0)
+    if (shape := item.footprint).yaw_rad is not None:
+        cosine, sine = math.cos(shape.yaw_rad) * res, math.sin(shape.yaw_rad) * res
+        along, across = cosine * x + sine * y, cosine * y - sine * x
+        inside = (np.abs(along) <= shape.depth_m / 2.0) & (np.abs(across) <= shape.width_m / 2.0)
     grid.cells[r0:r1, c0:c1][inside] = OCCUPIED
     grid.cells[int(at[1]), int(at[0])] = OCCUPIED

@@ -14,7 +14,7 @@ import yaml
 from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.map_object import MapObject, outline_m, radius_m, yaw_of
+from edgemap.geometry.map_object import MapObject, outline_m, radius_m
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.outputs.map_formats.grid import FREE, MAXIMUM_CELLS, OCCUPIED, FloorCells
@@ -84,7 +84,7 @@ def vector_text(
         closed = zone.name in keep_out or zone.id in keep_out
         add(zone.id, "polygon", 100 if closed else -1, closed=closed, points=_numbers(zone.corners_m))
     for item in objects:
-        if yaw_of(item) is None:
+        if item.footprint.yaw_rad is None:
             add(item.id, "circle", 100, fill=True, center=_numbers(item.position_m), radius=round(radius_m(item), 4))
         else:
             add(item.id, "polygon", 100, closed=True, points=_numbers(outline_m(item)))
