@@ -11,7 +11,7 @@ from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera, check_size
 from edgemap.runtime.frames.errors import UsageError
-from edgemap.runtime.frames.notes import collected
+from edgemap.runtime.frames.faults import collected
 from edgemap.runtime.frames.option_texts import known_names, numbers
 from edgemap.runtime.inputs.cameras.kinds import read_wheels
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields

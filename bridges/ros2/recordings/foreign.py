@@ -18,8 +18,7 @@ from edgemap.geometry.camera.mount import BASE_OPTICAL, QUARTER_TURN, Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.notes import note, note_dropped
+from edgemap.runtime.frames.faults import FaultKind, note, note_dropped
 from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
