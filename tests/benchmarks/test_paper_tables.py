@@ -63,7 +63,7 @@ def painted(folder, trained):
 @pytest.fixture(scope="module")
 def measured(drives, tmp_path_factory):
     folder = tmp_path_factory.mktemp("tables")
-    return measure(drives, load_bundle(painted(folder / "b", True), 1), None, folder)
+    return measure(drives, load_bundle(painted(folder / "b", True)), None, folder)
 
 
 def test_detections_are_counted_in_at_most_a_hundred_frames(measured):
