@@ -38,7 +38,7 @@ def read_locobot(folder: Path) -> Drive:
 
 
 def write_locobot(
-    folder: str | Path,
+    folder: Path,
     camera: CameraFile,
     odometry: Iterable[Sequence[float]],
     poses: Trajectory | None = None,
@@ -47,7 +47,6 @@ def write_locobot(
 
     odometry: rows (stamp_s, x_m, y_m, yaw_rad), one per picture. Pictures in `rgb/` and `depth/` are the caller's.
     """
-    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_camera_yaml(folder / "camera.yaml", camera)
     write_wheel_csv(folder / "odometry.csv", odometry)

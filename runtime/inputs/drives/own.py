@@ -68,7 +68,7 @@ def read_own(folder: Path) -> Drive:
 
 
 def write_drive(
-    folder: str | Path,
+    folder: Path,
     camera: CameraFile,
     poses: Trajectory,
     objects: Sequence[dict[str, Any]] | None = None,
@@ -85,7 +85,6 @@ def write_drive(
     each pose: roll, pitch (positive down) in rad, and rise in metres. Pictures go to `images/` (natural order of names)
     or one `video.mp4`; both are the caller's. Makes the folder.
     """
-    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_camera_yaml(folder / "camera.yaml", camera)
     rows = zip(poses.stamps_s, poses.poses, strict=True)
