@@ -24,6 +24,7 @@ from edgemap.runtime.inputs.drives.open import labelled_pictures
 from edgemap.runtime.inputs.open import DEMO
 from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
+from edgemap.runtime.network.engines import compute_at
 from edgemap.runtime.network.store import bundle_folder
 
 COUNTED = 100  # frames of each sequence in which detections are counted, as in the paper
@@ -47,7 +48,7 @@ def main(
     """Render where needed, measure, and write page and figures. seeds: A:B, homes from A up to, not including, B. data:
     drives that exist, instead. frames: first N of each."""
     try:
-        loaded = load_bundle(bundle_folder(bundle), threads, pace="files")
+        loaded = load_bundle(bundle_folder(bundle), compute_at("files", threads))
         specs = [f"drive:{DEMO}" if spec == "demo" else spec for spec in data] or [
             f"drive:{home}" for home in rendered(seeds or "", frames, out / "drives")
         ]

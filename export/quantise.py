@@ -134,7 +134,7 @@ def add_int8(folder: Path, calibration: CalibrationPictures) -> None:
     manifest.sha256[FILE] = sha256_file(folder / FILE)
     variant = manifest.variants["int8"] = BundleVariant(file=FILE)
     write_manifest(folder, manifest)
-    variant.measured = int8_report(load_bundle(folder, 1), load_bundle(folder, 1, "int8"), calibration)
+    variant.measured = int8_report(load_bundle(folder), load_bundle(folder, precision="int8"), calibration)
     write_manifest(folder, manifest)
 
 

@@ -12,7 +12,7 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.plots.style import INK, Axes, plt, save
-from edgemap.runtime.frames.colours import label_colour
+from edgemap.runtime.frames.colours import label_mark
 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, map_picture
 from edgemap.runtime.step.overlay import draw_detections, draw_floor_grid
 
@@ -36,7 +36,7 @@ def plot_frame(
 def _distances(axes: Axes, sightings: list[Sighting]) -> None:
     """Horizontal bars, nearest on top."""
     ordered = sorted(sightings, key=lambda sighting: -sighting.distance_m)
-    colours = [label_colour(s.label) for s in ordered]
+    colours = [label_mark(s.label).colour for s in ordered]
     rows = np.arange(len(ordered))
     errors = [np.sqrt(np.linalg.eigvalsh(s.covariance_m2 + s.shared_m2)[-1]) for s in ordered]
     axes.barh(rows, [s.distance_m for s in ordered], xerr=errors, color=colours, ecolor=INK)

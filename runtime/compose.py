@@ -11,7 +11,7 @@ from edgemap.geometry.objects.annotations import Annotations
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera, check_size
 from edgemap.runtime.frames.errors import UsageError
-from edgemap.runtime.frames.notes import collected
+from edgemap.runtime.frames.faults import collected
 from edgemap.runtime.frames.option_texts import known_names, numbers
 from edgemap.runtime.inputs.cameras.kinds import read_wheels
 from edgemap.runtime.inputs.drives.camera_yaml import mount_fields
@@ -46,25 +46,18 @@ def compose(
     Raises UsageError, OdometryError, CameraError or MapError.
     """
     check_size(camera)
-    odometry = spec.odometry
-    with collected() as read:
-        if odometry.startswith("wheel:"):
-            camera.update_info(wheel=read_wheels(odometry.removeprefix("wheel:")))
-            odometry = "wheel"
-    options = replace(
-        spec,
-        odometry=odometry,
-        forgets=spec.map is not None,
-        classes=mapped_classes(spec.classes, bundle),
-        guessed_height=guess.scale_sigma(odometry) if guess else 0.0,
-    )
-    config = spec.config
+    odometry, config, classes = spec.odometry, spec.config, mapped_classes(spec.classes, bundle)
     if guess:  # which the camera's own lengths and rotations depend on
         judge = replace(config.odometry.judge, sigma=hypot(config.odometry.judge.sigma, guess.height_sigma))
         config = replace(config, odometry=replace(config.odometry, judge=judge))
-    with collected() as opened:  # the poses of others are read here
+    with collected() as read:  # the wheels, and the poses of others
+        if odometry.startswith("wheel:"):
+            camera.update_info(wheel=read_wheels(odometry.removeprefix("wheel:")))
+            odometry = "wheel"
+        sigma, forgets = guess.scale_sigma(odometry) if guess else 0.0, spec.map is not None
+        options = replace(spec, odometry=odometry, forgets=forgets, classes=classes, guessed_height=sigma)
         slam = build_slam(camera, bundle, floor, options, config)
-    camera.update_info(faults=(*camera.info.faults, *read, *opened))
+    camera.update_info(faults=(*camera.info.faults, *read))
     given = slam.pipeline.odometry.start if isinstance(slam.pipeline.odometry, JudgedOdometry) else None
     _enter_saved_map(
         slam.mapper, None if spec.map is None or str(spec.map) == AUTO else find_map(spec.map), spec, given

@@ -17,8 +17,7 @@ from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives.locobot import write_locobot
-from edgemap.runtime.inputs.drives.own import write_drive
+from edgemap.runtime.inputs.drives import CameraFile, write_drive, write_locobot
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
 from edgemap.runtime.inputs.drives.truth import PLAN_FORMAT, PLAN_NAME
@@ -165,13 +164,14 @@ def record(
         unfinished.replace(folder / "video.mp4")
     camera, truth = world.camera, truth_of(world)
     wheel = wheel_odometry(world.motion, world.stamps_s, np.random.default_rng([world.seed, 3])).tolist()
+    described = CameraFile(camera.intrinsics, camera.mount, camera.rate_hz)
     if locobot:
-        write_locobot(folder, camera.intrinsics, camera.mount, camera.rate_hz, wheel, truth)
+        write_locobot(folder, described, wheel, truth)
     else:
         objects = object_records(world.apartment, world.poses()[0], boxes)
         tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
         write_floor_plan(world, folder)
-        write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel, tilts)
+        write_drive(folder, described, truth, objects, boxes, wheel, tilts)
         if world.imu:
             rng = np.random.default_rng([world.seed, 9])
             samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)

@@ -15,7 +15,7 @@ from edgemap.geometry.objects.queries import changes, inside_polygon
 from edgemap.geometry.objects.rooms import rooms_of
 from edgemap.geometry.objects.zone_watch import ZoneEvent
 from edgemap.runtime.frames.faults import Fault
-from edgemap.runtime.outputs.verdict.causes import cause_of
+from edgemap.runtime.outputs.verdict.causes import CAUSE_OF
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 from edgemap.runtime.step.map_file import (
     change_record,
@@ -151,7 +151,7 @@ def rooms_answer(
 
 def fault_answer(fault: Fault) -> dict[str, Any]:
     """A fault with the frame at which it began, and the remedy: empty where none is known."""
-    cause = cause_of(fault.kind)
+    cause = CAUSE_OF.get(fault.kind)
     return fault.document() | {"remedy": cause.remedy if cause else ""}
 
 

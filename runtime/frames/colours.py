@@ -59,10 +59,5 @@ def label_mark(label: str) -> Mark:
 
 def label_rgb(label: str) -> tuple[float, float, float]:
     """The colour of a label's mark, each part 0..1."""
-    red, green, blue = (value / 255.0 for value in bytes.fromhex(label_colour(label)[1:]))
+    red, green, blue = (value / 255.0 for value in bytes.fromhex(label_mark(label).colour[1:]))
     return red, green, blue
-
-
-def label_colour(label: str) -> str:
-    """The colour of a label's mark as `#rrggbb`."""
-    return label_mark(label).colour

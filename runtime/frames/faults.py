@@ -1,11 +1,14 @@
-"""Faults of a run: what went wrong, by kind. The text is for people; no code reads it."""
+"""Faults of a run: what went wrong, by kind. The text is for people; no code reads it. What readers leave out of their
+files are faults of the run that opens them, or lines on standard error."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from edgemap.runtime.frames.reading import without_secrets
+from edgemap.runtime.frames.reading import print_message, without_secrets
 
 
 class FaultKind(StrEnum):
@@ -97,3 +100,36 @@ def read_fault(entry: Any) -> Fault:
         raise TypeError(f"a fault is a {type(entry).__name__}")
     kind = entry["kind"] if entry["kind"] in set(FaultKind) else FaultKind.OTHER
     return Fault(FaultKind(kind), str(entry["text"]), entry.get("frame"))
+
+
+_COLLECTED: ContextVar[list[Fault] | None] = ContextVar("faults", default=None)
+
+
+@contextmanager
+def collected() -> Iterator[list[Fault]]:
+    """Collects the notes of the block, for who reports them; prints them where the block fails."""
+    faults: list[Fault] = []
+    token = _COLLECTED.set(faults)
+    try:
+        yield faults
+    except BaseException:
+        for fault in faults:
+            print_message(fault.text)
+        raise
+    finally:
+        _COLLECTED.reset(token)
+
+
+def note(kind: FaultKind, text: str) -> None:
+    """Reports something that is left out. text: one line with the numbers."""
+    faults = _COLLECTED.get()
+    if faults is None:
+        print_message(text)
+    else:
+        faults.append(Fault(kind, text))
+
+
+def note_dropped(where: object, reasons: list[str], count: int) -> None:
+    """Reports samples that were dropped, with the first reason. count: of all samples."""
+    if reasons:
+        note(FaultKind.SAMPLES, f"{where}: {len(reasons)} of {count} samples dropped ({reasons[0]})")

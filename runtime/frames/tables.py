@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.faults import note_dropped
 from edgemap.runtime.frames.limits import LINE, VALUES
-from edgemap.runtime.frames.notes import note_dropped
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.frames.stamps import followed
 

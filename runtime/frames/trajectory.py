@@ -14,7 +14,7 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import OdometryError
-from edgemap.runtime.frames.notes import note_dropped
+from edgemap.runtime.frames.faults import note_dropped
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.tables import STAMP, NumberTable, columns
 

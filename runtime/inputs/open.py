@@ -11,7 +11,7 @@ import numpy as np
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.camera import Camera, CameraOptions, Driver
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.notes import collected
+from edgemap.runtime.frames.faults import collected
 from edgemap.runtime.frames.plugins import CAMERAS, load_plugin, plugins
 from edgemap.runtime.frames.reading import THEIRS, error_line, user_path
 from edgemap.runtime.inputs.cameras.checked import CheckedCamera

@@ -10,8 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from edgemap.geometry.observations.sighting import BoxEvidence
 from edgemap.runtime.frames.errors import BundleError, OdometryError
-from edgemap.runtime.frames.inference import Engine, Precision
-from edgemap.runtime.network.engines import Pace, compute_at, open_network
+from edgemap.runtime.frames.inference import Precision
+from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, Manifest, OdometryHead, contract_metadata
 from edgemap.runtime.network.manifest_file import read_manifest, verified_file
 from edgemap.runtime.network.network import Compute, Network, Shapes
@@ -94,17 +94,11 @@ class Bundle:
         return head, _opened(self.folder, self.manifest, head, inputs, outputs, Compute(1))
 
 
-def load_bundle(
-    folder: Path,
-    threads: int | None = None,
-    precision: Precision = "float32",
-    pace: Pace = "camera",
-    engine: Engine = "onnxruntime",
-) -> Bundle:
+def load_bundle(folder: Path, compute: Compute = Compute(), precision: Precision = "float32") -> Bundle:  # noqa: B008
     """Check and load a bundle folder. Raises BundleError, one line that names the file and the error.
 
-    threads: of the backbone; None: those of the pace (`compute_at`). BLAS gets one thread. precision: int8 where the
-    bundle has that variant. engine: the outputs of another than onnxruntime must agree with its.
+    compute: of the backbone; outputs of another engine than onnxruntime must agree with its. BLAS gets one thread.
+    precision: int8 where the bundle has that variant.
     """
     threadpool_limits(1, "blas")  # numpy's and scipy's in this process: the matrices of a step are small
     manifest = read_manifest(folder)
@@ -113,7 +107,7 @@ def load_bundle(
         if precision not in manifest.variants:
             raise BundleError(f"bundle {manifest.name} has no {precision} variant (edgemap export --int8 makes one)")
         detector = msgspec.structs.replace(detector, file=manifest.variants[precision].file)
-    height, compute = detector.input.height, compute_at(pace, threads, engine)
+    height = detector.input.height
     inputs = {detector.input.name: (1, 3, height, detector.input.width)}
     backbone = _opened(folder, manifest, detector, inputs, detector.outputs(), compute, height)
     reopen = partial(open_network, folder / detector.file, compute)

@@ -19,7 +19,7 @@ from edgemap.runtime.frames.class_names import COCO_91, COCO_NAMES, is_mapped
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.reading import convert, decode_json, library_path, one_line, print_message, read_bytes
 from edgemap.runtime.network.bundle import Bundle
-from edgemap.runtime.network.engines import Pace, compute_at, open_session, run_session
+from edgemap.runtime.network.engines import open_session, run_session
 from edgemap.runtime.network.layouts import FORMS, Arrays, Layout, Reading, in_unit, layouts, parts, rows_of
 from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec, HeadSpec, InputSpec, Manifest
 from edgemap.runtime.network.manifest_file import FORMAT, sha256_file
@@ -267,14 +267,13 @@ def _literal(text: str) -> Any:
         return None
 
 
-def load_foreign(path: Path, threads: int | None, pace: Pace, names: Sequence[str] | None) -> Bundle:
+def load_foreign(path: Path, compute: Compute, names: Sequence[str] | None) -> Bundle:
     """A detector of another project as a bundle that has boxes alone. Raises BundleError.
 
     How it is read stands in a FILE.bundle.json next to FILE.onnx where there is one, else it is recognised; standard
     error states what was recognised. names: of its classes, where neither its metadata nor COCO have them.
     """
-    compute, beside = compute_at(pace, threads), path.with_suffix(".bundle.json")
-    file = ForeignFile(path, compute)
+    file, beside = ForeignFile(path, compute), path.with_suffix(".bundle.json")
     if beside.is_file():
         manifest = decode_json(read_bytes(beside, BundleError), Manifest, beside, BundleError)
         if manifest.detector.reading is None:

@@ -10,9 +10,10 @@ from google.protobuf import descriptor_pb2, message_factory
 
 from edgemap.runtime.frames.inference import Engine, Precision
 from edgemap.runtime.network.bundle import Bundle, load_bundle
-from edgemap.runtime.network.engines import Pace, open_network
+from edgemap.runtime.network.engines import Pace, compute_at, open_network
 from edgemap.runtime.network.foreign import load_foreign
 from edgemap.runtime.network.manifest_file import read_manifest, verified_file
+from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.store import bundle_folder
 
 STRING, MESSAGE = descriptor_pb2.FieldDescriptorProto.TYPE_STRING, descriptor_pb2.FieldDescriptorProto.TYPE_MESSAGE
@@ -82,17 +83,16 @@ def open_bundle(
     foreign = source.suffix == ".onnx"
     beside = companion is not None and (foreign or read_manifest(source).detector.floor is None)
     threads = (threads or 1) if beside else threads  # two networks at once
-    loaded = (
-        load_foreign(source, threads, pace, names) if foreign else load_bundle(source, threads, precision, pace, engine)
-    )
+    usual, asked = compute_at(pace, threads), compute_at(pace, threads, engine)
+    loaded = load_foreign(source, usual, names) if foreign else load_bundle(source, asked, precision)
     if companion is None or not beside:
         return loaded
-    return replace(loaded, companion=load_companion(bundle_folder(companion), threads, pace), paced=pace == "camera")
+    return replace(loaded, companion=load_companion(bundle_folder(companion), usual), paced=pace == "camera")
 
 
-def load_companion(folder: Path, threads: int | None, pace: Pace) -> Bundle:
+def load_companion(folder: Path, compute: Compute) -> Bundle:
     """A bundle whose backbone is cut down to the floor mask. Raises BundleError."""
-    whole = load_bundle(folder, threads, pace=pace)
+    whole = load_bundle(folder, compute)
     detector = whole.manifest.detector
     kept = {detector.floor.name} if detector.floor else set()
     model = subgraph(verified_file(folder, whole.manifest, detector.file).read_bytes(), kept)

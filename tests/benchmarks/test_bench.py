@@ -100,7 +100,7 @@ def test_ratios_are_ours_over_theirs(monkeypatch):
 
 @pytest.mark.parametrize("name", ["edgemap-nano", "yolox-nano", "edgemap-pico"])
 def test_the_rivals_loop_finds_our_boxes(name):
-    bundle = load_bundle(bundle_folder(name), threads=1)
+    bundle = load_bundle(bundle_folder(name))
     spec = bundle.manifest.detector
     with open_camera("demo") as camera:
         frames = [camera.read() for _ in range(40)]

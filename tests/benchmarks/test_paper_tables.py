@@ -16,7 +16,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives import write_drive
+from edgemap.runtime.inputs.drives import CameraFile, write_drive
 from edgemap.runtime.network.bundle import load_bundle
 
 pytestmark = pytest.mark.slow
@@ -33,8 +33,8 @@ def write(folder, share, boxes):
         cv2.imwrite(str(folder / "images" / f"{index}.png"), patches)
     way = tuple(SE2(0.1 * i, 0, 0) for i in range(len(boxes)))
     wheel = [(stamp, (1 + share) * pose.x_m, 0, 0) for stamp, pose in zip(stamps_s, way, strict=True)]
-    lens = Intrinsics(128, 96, 100.0, 100.0, 63.5, 47.5)
-    write_drive(folder, lens, Mount.from_degrees(0.5, 20.0), 10.0, Trajectory(stamps_s, way), boxes=boxes, wheel=wheel)
+    camera = CameraFile(Intrinsics(128, 96, 100.0, 100.0, 63.5, 47.5), Mount.from_degrees(0.5, 20.0), 10.0)
+    write_drive(folder, camera, Trajectory(stamps_s, way), boxes=boxes, wheel=wheel)
     return f"drive:{folder}"
 
 
@@ -63,7 +63,7 @@ def painted(folder, trained):
 @pytest.fixture(scope="module")
 def measured(drives, tmp_path_factory):
     folder = tmp_path_factory.mktemp("tables")
-    return measure(drives, load_bundle(painted(folder / "b", True), 1), None, folder)
+    return measure(drives, load_bundle(painted(folder / "b", True)), None, folder)
 
 
 def test_detections_are_counted_in_at_most_a_hundred_frames(measured):

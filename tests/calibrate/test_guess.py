@@ -64,7 +64,7 @@ def test_furniture_of_usual_size_shows_height_and_pitch(height_m, pitch_deg, sha
 def test_a_camera_on_a_head_is_reported_as_carried_with_a_height_that_covers_the_truth(shared_data):
     """The lens is 1.64 m above the floor and looks down by 22 degrees on average."""
     paths = sorted((shared_data / "hololens" / "image").glob("*"))
-    bundle = load_bundle(bundle_folder("edgemap-pico"), threads=1)
+    bundle = load_bundle(bundle_folder("edgemap-pico"))
     detector = Detector(bundle, Decoder(bundle.manifest.detector, bundle.manifest.confidence, one_name=True))
     guess = guess_camera([read_picture(path) for path in paths[:: -(-len(paths) // 16)]], detector)
     assert guess.sway_rad > math.radians(3.0)
@@ -106,7 +106,7 @@ def test_the_demo_is_guessed_within_its_own_sigmas():
     with open_camera("demo") as source:
         lens, mount = source.info.intrinsics, source.info.mount
         pictures = [frame.image for frame in frames_of(source, 200) if frame.index % 12 == 0]
-    bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
+    bundle = load_bundle(bundle_folder("edgemap-nano"))
     guess = guess_camera(pictures, Detector(bundle, Decoder(bundle.manifest.detector, 0.3, one_name=True)))
     assert abs(math.log(guess.lens.fx / lens.fx)) < 2.0 * guess.focal_sigma < 0.1
     assert guess.mount.height_m == pytest.approx(mount.height_m, rel=0.25)

@@ -13,7 +13,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives import write_drive, write_locobot
+from edgemap.runtime.inputs.drives import CameraFile, write_drive, write_locobot
 
 COUNT = 61
 LENS, MOUNT = Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5), Mount.from_degrees(0.5, 20.0)
@@ -36,7 +36,7 @@ def wheels(share):
 
 def drive(folder, share=0.05):
     pictures(folder / "images")
-    write_drive(folder, LENS, MOUNT, 10.0, Trajectory(STAMPS_S, WAY), wheel=wheels(share))
+    write_drive(folder, CameraFile(LENS, MOUNT, 10.0), Trajectory(STAMPS_S, WAY), wheel=wheels(share))
     return f"drive:{folder}"
 
 
@@ -51,7 +51,7 @@ def kitti(folder):
 
 def locobot(folder):
     pictures(folder / "rgb")
-    write_locobot(folder, LENS, MOUNT, 10.0, wheels(0.05), Trajectory(STAMPS_S, WAY))
+    write_locobot(folder, CameraFile(LENS, MOUNT, 10.0), wheels(0.05), Trajectory(STAMPS_S, WAY))
     return f"locobot:{folder}"
 
 

@@ -92,7 +92,7 @@ def test_an_unreliable_run_saves_beside_a_better_map(tmp_path, before):
     """Also where it was reliable at first; and it takes the map's place again where it becomes so."""
     identity = MapIdentity("home", 3, level=before)
     save_map(tmp_path / "map.json", mapped([("bed", 1.0, 0.0)]), Annotations(identity=identity))
-    text, verdicts, steps = (tmp_path / "map.json").read_text(), list[Level](["care"]), Steps()
+    text, verdicts, steps = (tmp_path / "map.json").read_text(), list[Level](["care"]), Steps(boxes=())
     sink = LivingMap(tmp_path, bool, lambda: Verdict(verdicts[-1]))
     steps.into(sink, 12)
     labels = lambda name: [item.label for item in load_annotated_map(tmp_path / name)[0]]  # noqa: E731
@@ -110,6 +110,7 @@ def test_an_unreliable_run_saves_beside_a_better_map(tmp_path, before):
     else:
         assert (tmp_path / "map.json").read_text() == text
         assert labels("map.unreliable.json") == ["chair", "couch"]
+        assert json.loads((tmp_path / "map.unreliable.json").read_text())["grid"] == "map.unreliable.grid.npz"
         assert "stays as it was" in sink.beside
     verdicts.append("good")
     sink.close()

@@ -223,7 +223,7 @@ def world(tmp_path_factory) -> Path:
             cv2.imwrite(str(folder / name / "floor" / f"{index}.png"), labels.astype(np.uint8))
     way, chair = Trajectory(np.arange(4) / 10.0, (SE2(),) * 4), {"id": 1, "label": "chair", "box": [9, 9, 99, 99]}
     lens, boxes = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5), [[chair | {"visible": 1.0}]] * 4
-    write_drive(folder / "carpets", lens, Mount(0.6), 10.0, way, boxes=boxes)
+    write_drive(folder / "carpets", CameraFile(lens, Mount(0.6), 10.0), way, boxes=boxes)
     for name in ("empty/images/0.png", "net.onnx", "there.mcap"):
         (folder / name).touch()
     write_camera_yaml(folder / "lens.yaml", CameraFile(lens))

@@ -23,7 +23,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives.own import write_drive
+from edgemap.runtime.inputs.drives import CameraFile, write_drive
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
@@ -40,7 +40,7 @@ def floor_drive(tmp_path):
         cv2.imwrite(str(folder / f"images/{index:03d}.png"), seen_by(CAMERA, poses[-1]))
         poses.append(poses[-1] @ SE2(0.04, 0.0, 0.05))
     truth = Trajectory(np.arange(16) / 10.0, tuple(poses[:16]))
-    write_drive(folder, CAMERA.intrinsics, CAMERA.mount, 10.0, truth)
+    write_drive(folder, CameraFile(CAMERA.intrinsics, CAMERA.mount, 10.0), truth)
     return folder
 
 

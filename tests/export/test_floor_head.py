@@ -82,7 +82,7 @@ def test_a_head_that_knows_no_row_is_trained_on_the_rows_that_a_picture_reaches(
     save_floor(FloorCheckpoint(head, "edgemap-nano", names), tmp_path / "head.pt")  # type: ignore[arg-type]
     exported = export_backbone("edgemap-nano", tmp_path / "b", heads=[tmp_path / "head.pt"])
     assert read_manifest(exported).name == "b"  # not its backbone's, which the package has
-    bundle = load_bundle(exported, 1).for_pictures(640, 480)
+    bundle = load_bundle(exported).for_pictures(640, 480)
     assert bundle.detector.input.height == 320
     picture = np.random.default_rng(3).integers(0, 255, (480, 640, 3), np.uint8)
     outputs, _ = Detector(bundle).raw(picture)

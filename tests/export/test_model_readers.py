@@ -57,7 +57,7 @@ def test_a_damaged_network_in_a_bundle_and_to_adopt(tiny, tmp_path, data):
     (tmp_path / "backbone.onnx").write_bytes(data.draw(mutated_bytes(tiny[1])))
     sums = {"sha256": {"backbone.onnx": sha256_file(tmp_path / "backbone.onnx")}}
     (tmp_path / MANIFEST_NAME).write_text(json.dumps(tiny[0] | sums))
-    refused_or(lambda: load_bundle(tmp_path, threads=1))
+    refused_or(lambda: load_bundle(tmp_path))
     refused_or(load_onnx, tmp_path / "backbone.onnx")
 
 

@@ -18,7 +18,7 @@ class DemoDrive:
     """Pictures, stamps, and `slam` for a fresh front and back end. frames: the first so many."""
 
     def __init__(self, frames: int | None = None) -> None:
-        loaded = load_bundle(bundle_folder("edgemap-nano"), 1).for_pictures(640, 480)
+        loaded = load_bundle(bundle_folder("edgemap-nano")).for_pictures(640, 480)
         self._known: dict[int, list[NDArray[np.float32]]] = {}
         self._infer = loaded.backbone.infer
         self.bundle: Bundle = replace(loaded, backbone=replace(loaded.backbone, infer=self._once))

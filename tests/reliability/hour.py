@@ -89,7 +89,7 @@ def _rendered(folder: Path, seed: int, frames: int) -> Drive:
 def _observed(drive: Drive, frames: int, path: Path) -> list[FrameObservations]:
     """What the front end makes of the drive's pictures; recorded beside them."""
     if not path.is_file():
-        bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
+        bundle = load_bundle(bundle_folder("edgemap-nano"))
         observed: list[FrameObservations] = []
         replayed(drive, bundle, {"own": SlamOptions()}, frames, seen=lambda _, result: observed.append(result.observed))
         unfinished = path.with_suffix(".part")

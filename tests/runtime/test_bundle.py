@@ -177,7 +177,7 @@ def test_both_come_with_the_package(name, tmp_path, monkeypatch):
     manifest = read_manifest(bundle_folder(name))
     assert manifest.licence.startswith("Apache-2.0")
     assert [head.trained for head in manifest.odometry.values()] == ([True] if name == RENDERED else [])
-    load_bundle(bundle_folder(name), 1)
+    load_bundle(bundle_folder(name))
 
 
 EMPTY = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"  # of no bytes at all

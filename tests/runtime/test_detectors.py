@@ -213,7 +213,7 @@ def test_a_picture_that_ends_within_a_cell_keeps_its_geometry():
 @pytest.fixture(scope="module")
 def expected():
     """Boxes of the package's own reading of YOLOX-Nano, a list of each probe."""
-    detector = Detector(load_bundle(bundle_folder("yolox-nano"), 1))
+    detector = Detector(load_bundle(bundle_folder("yolox-nano")))
     return [detector(probe.image) for probe in probes()]
 
 
@@ -339,7 +339,7 @@ def test_a_data_yaml_without_names_is_refused_in_one_line(text, tmp_path):
 
 def test_motion_and_floor_come_from_a_companion(tmp_path):
     path = write(class_columns(Graph()), tmp_path / "other.onnx")
-    alone, beside = load_bundle(bundle_folder("edgemap-nano"), 1), open_bundle(path, "edgemap-nano", 1)
+    alone, beside = load_bundle(bundle_folder("edgemap-nano")), open_bundle(path, "edgemap-nano", 1)
     with open_camera("demo") as camera:
         floor = FloorCamera(camera.info.intrinsics, camera.info.mount)
         slams = [build_slam(camera, bundle, floor) for bundle in (alone, beside)]
@@ -348,5 +348,5 @@ def test_motion_and_floor_come_from_a_companion(tmp_path):
     foreign = steps[-1]
     assert own.pose_map_base == foreign.pose_map_base
     np.testing.assert_array_equal(own.observed.floor.floor, foreign.observed.floor.floor)
-    assert "bed" in Detector(load_bundle(bundle_folder("yolox-nano"), 1))(frames[-1].image).labels
+    assert "bed" in Detector(load_bundle(bundle_folder("yolox-nano")))(frames[-1].image).labels
     assert any("bed" in step.detections.labels for step in steps)  # at a camera's pace not every picture is searched

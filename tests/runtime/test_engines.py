@@ -43,7 +43,7 @@ NANO = bundle_folder("edgemap-nano")
 
 def test_openvino_gives_onnxruntimes_outputs_and_keeps_them():
     pytest.importorskip("openvino")
-    theirs, ours = load_bundle(NANO, 1, engine="openvino"), load_bundle(NANO, 1)
+    theirs, ours = load_bundle(NANO, Compute(engine="openvino")), load_bundle(NANO)
     assert (theirs.compute.engine, theirs.backbone.outputs) == ("openvino", ours.backbone.outputs)
     picture = np.random.default_rng(1).uniform(0, 255, (1, 3, 416, 416)).astype(np.float32)
     expected, found = ours.backbone.run({"image": picture}), theirs.backbone.run({"image": picture})
@@ -55,10 +55,10 @@ def test_openvino_gives_onnxruntimes_outputs_and_keeps_them():
 INTERRUPTED = """
 import gc, os, signal
 from pathlib import Path
-from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.bundle import Compute, load_bundle
 
 signal.signal(signal.SIGINT, lambda *_: print("handled", flush=True))
-first, second = (load_bundle(Path({folder!r}), 1, engine="openvino") for _ in range(2))
+first, second = (load_bundle(Path({folder!r}), Compute(engine="openvino")) for _ in range(2))
 del first
 gc.collect()
 del second
@@ -92,7 +92,7 @@ def test_an_engine_that_disagrees_is_refused(monkeypatch):
     pytest.importorskip("openvino")
     monkeypatch.setitem(ENGINE_TOLERANCE, "float32", 0.0)
     with pytest.raises(BundleError, match=r"backbone\.onnx: openvino gives other outputs than onnxruntime"):
-        load_bundle(NANO, 1, engine="openvino")
+        load_bundle(NANO, Compute(engine="openvino"))
 
 
 SLEEPING, SPINNING = Compute(2), Compute(2, spin=True)
@@ -126,7 +126,7 @@ def test_threads_change_no_bit_of_the_outputs():
 def test_blas_computes_on_one_thread_once_a_bundle_is_loaded():
     from threadpoolctl import threadpool_info
 
-    load_bundle(NANO, threads=1)
+    load_bundle(NANO)
     assert {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"} == {1}
 
 
@@ -150,7 +150,7 @@ POSES = tuple(SE2(0.3 * index, 0.05 * index, 0.1 * index) for index in range(9))
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory):
     scene = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9)]
-    return load_bundle(painted.write_painted(tmp_path_factory.mktemp("bundles") / "b", scene), 1)
+    return load_bundle(painted.write_painted(tmp_path_factory.mktemp("bundles") / "b", scene))
 
 
 def frame(index, search=True):
@@ -225,7 +225,7 @@ def pictures():
 @pytest.mark.parametrize("engine", ENGINES)
 def test_boxes_are_those_of_the_whole_input(pictures, engine):
     pytest.importorskip(engine)
-    whole = load_bundle(NANO, 1, engine=engine)
+    whole = load_bundle(NANO, Compute(engine=engine))
     cut = whole.for_pictures(640, 480)
     assert (whole.detector.input.height, cut.detector.input.height) == (416, 320)
     found = {}
@@ -244,13 +244,13 @@ def test_boxes_are_those_of_the_whole_input(pictures, engine):
 
 @pytest.mark.parametrize(("w", "h", "rows"), [(640, 480, 320), (1280, 720, 256), (480, 640, 416), (416, 416, 416)])
 def test_rows_follow_the_shape_of_the_pictures(w, h, rows):
-    bundle = load_bundle(NANO, 1).for_pictures(w, h)
+    bundle = load_bundle(NANO).for_pictures(w, h)
     assert bundle.backbone.inputs["image"] == (1, 3, rows, 416)
 
 
 @pytest.mark.parametrize("name", ["yolox-nano", "edgemap-pico"])
 def test_a_file_of_fixed_size_is_left_as_it_is(name):
-    bundle = load_bundle(bundle_folder(name), 1)
+    bundle = load_bundle(bundle_folder(name))
     assert bundle.for_pictures(640, 480).backbone.inputs == bundle.backbone.inputs
 
 

@@ -26,7 +26,7 @@ from edgemap.runtime.motion.height_check import HeightCheck
 from edgemap.runtime.motion.odometry.protocol import Motion
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
-from edgemap.runtime.outputs.verdict.causes import CAUSES, cause_of
+from edgemap.runtime.outputs.verdict.causes import CAUSE_OF, CAUSES
 from edgemap.runtime.step.map_file import load_annotated_map
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.relocalisation import SavedMap
@@ -80,7 +80,7 @@ def test_wheels_name_the_likelier_height_once(scale, height):
     ((stamp_s, fault),) = by_wheels(scale)
     assert stamp_s <= 12.0
     assert f"height 0.60 m given, the wheels would make it {height} m" in fault.text
-    assert cause_of(fault.kind) is CAUSES["scale"]  # what `edgemap why` makes of it
+    assert CAUSE_OF.get(fault.kind) is CAUSES["scale"]  # what `edgemap why` makes of it
 
 
 def test_wheels_that_agree_or_scatter_or_slip_for_a_moment_say_nothing_of_the_height():

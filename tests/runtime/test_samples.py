@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from support.refusal import refused
 
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.notes import collected
+from edgemap.runtime.frames.faults import collected
 from edgemap.runtime.frames.stamps import followed
 from edgemap.runtime.frames.trajectory import trajectory_of
 from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, read_wheel_csv

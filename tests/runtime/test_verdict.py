@@ -19,7 +19,7 @@ from edgemap.runtime.frames.faults import Fault, FaultKind, read_fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry.protocol import MotionState
-from edgemap.runtime.outputs.verdict.causes import CAUSES, cause_of
+from edgemap.runtime.outputs.verdict.causes import CAUSE_OF, CAUSES
 from edgemap.runtime.outputs.verdict.run_counts import RunCounts
 from edgemap.runtime.outputs.verdict.verdict import LEVELS, explain, is_doubtful, verdict_of
 
@@ -186,7 +186,7 @@ def test_every_kind_of_fault_has_one_cause_and_every_cause_a_section_of_the_docs
     assert {cause.anchor for cause in CAUSES.values()} <= anchors
     # That a kind leads to two causes, or to none, shows as a wrong number.
     without = {FaultKind.EDIT, FaultKind.ENDED, FaultKind.OTHER}
-    assert {kind for kind in FaultKind if cause_of(kind) is None} == without
+    assert {kind for kind in FaultKind if CAUSE_OF.get(kind) is None} == without
     assert sum(len(cause.kinds) for cause in CAUSES.values()) == len(FaultKind) - len(without)
 
 

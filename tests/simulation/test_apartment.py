@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation, label
 
 from edgemap.benchmarks.rooms import SUMS
 from edgemap.geometry.se2 import SE2, wrap_angle
-from edgemap.runtime.inputs.drives.own import write_drive
+from edgemap.runtime.inputs.drives import CameraFile, write_drive
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import furnish, move_furniture, purpose_of
 from edgemap.simulation.apartment.shell import build_shell
@@ -220,7 +220,7 @@ def test_a_seed_always_drives_the_same_way(furniture_catalogue, tmp_path, seed):
     """As recorded: a change of the simulation must not change what a seed draws."""
     world = draw_world(seed, 450 if seed == 9100 else 600)
     camera = world.camera
-    write_drive(tmp_path, camera.intrinsics, camera.mount, camera.rate_hz, truth_of(world))
+    write_drive(tmp_path, CameraFile(camera.intrinsics, camera.mount, camera.rate_hz), truth_of(world))
     found = hashlib.sha256((tmp_path / "poses.tum").read_bytes()).hexdigest()
     assert found == (POSES_9100 if seed == 9100 else json.loads(SUMS.read_text())[str(seed)]["poses.tum"])
 

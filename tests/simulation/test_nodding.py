@@ -16,9 +16,8 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.drives import CameraFile, open_drive, write_drive
 from edgemap.runtime.inputs.drives.drive import Drive
-from edgemap.runtime.inputs.drives.own import write_drive
 from edgemap.simulation.carried_imu import carried_imu
 from edgemap.simulation.render.view import View
 from edgemap.simulation.robot.imu import GRAVITY_M_S2, ImuErrors, imu_samples
@@ -97,7 +96,7 @@ def test_the_truth_of_a_drive_holds_the_tilts(tmp_path):
     poses = tuple(SE2(0.1 * index, 0.02 * index, 0.1 * index) for index in range(5))
     tilts = np.array([(0.0, 0.0, 0.0), (0.01, 0.03, 0.005), (-0.02, 0.01, 0.01), (0.0, -0.04, 0.0), (0.03, 0.0, 0.002)])
     lens = Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
-    write_drive(tmp_path, lens, MOUNT, 10.0, Trajectory(stamps, poses), tilts=tilts)
+    write_drive(tmp_path, CameraFile(lens, MOUNT, 10.0), Trajectory(stamps, poses), tilts=tilts)
     (tmp_path / "images").mkdir()
     for index in range(5):
         (tmp_path / f"images/{index}.png").write_bytes(b"")

@@ -17,7 +17,7 @@ from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.faults import Fault, read_fault
 from edgemap.runtime.frames.timing import percentiles
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.outputs.verdict.causes import cause_of
+from edgemap.runtime.outputs.verdict.causes import CAUSE_OF
 from edgemap.runtime.outputs.verdict.verdict import TITLES, Verdict, verdict_or_none
 from edgemap.view.answers import floor_answer, map_object_answer, rooms_answer, zones_answer
 from edgemap.view.report.crops import Crop
@@ -109,7 +109,7 @@ def _update(
 
 def _fault(fault: Fault) -> dict[str, str]:
     """A fault with its frame, and its remedy where there is one."""
-    cause = cause_of(fault.kind)
+    cause = CAUSE_OF.get(fault.kind)
     return {"kind": fault.kind, "text": fault.line, "remedy": cause.remedy if cause else ""}
 
 

@@ -19,7 +19,7 @@ from edgemap.geometry.camera.mount import BASE_OPTICAL, QUARTER_TURN, Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.notes import note_dropped
+from edgemap.runtime.frames.faults import note_dropped
 from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer

@@ -19,9 +19,8 @@ from edgemap.bridges.ros2.messages.topics import DEPTH
 from edgemap.bridges.ros2.recordings.facts import RECORD
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.faults import FaultKind
+from edgemap.runtime.frames.faults import FaultKind, note
 from edgemap.runtime.frames.frame import png
-from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.inputs.drives.pictures import (
     APART_S,

@@ -11,8 +11,7 @@ from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import DAMAGE, FIELDS, decoder, ns_of, to_s
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.notes import note
+from edgemap.runtime.frames.faults import FaultKind, note
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.frames.stamps import AGREEING, followed
 

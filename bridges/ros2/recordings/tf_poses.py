@@ -12,7 +12,7 @@ from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.errors import CameraError, OdometryError
-from edgemap.runtime.frames.notes import note_dropped
+from edgemap.runtime.frames.faults import note_dropped
 from edgemap.runtime.frames.reading import one_line, print_message
 from edgemap.runtime.frames.spatial_poses import attitudes_of, poses_of
 from edgemap.runtime.frames.trajectory import EDGE_S, QUATERNION_TOLERANCE, Trajectory

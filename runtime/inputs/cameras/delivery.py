@@ -17,32 +17,32 @@ SMALLEST_STEP_S = 1e-4
 BACKWARD_LIMIT_S = 0.05  # a clock that is being disciplined steps back a little; less than a frame is not a fault
 
 
-class DeliveryCheck:
-    """Turns a device's pictures into those of one stream. size, report: as of `PictureCheck`."""
+class DeliveryCheck(PictureCheck):
+    """Turns a device's pictures into those of one stream."""
 
     def __init__(self, name: str, size: tuple[int, int], report: Callable[[CameraFault], None]) -> None:
+        super().__init__(name, size, report)
         self.clock = StreamClock()
-        self._check = PictureCheck(name, size, report)
         self._stamp_s: float | None = None
         self._image = np.zeros(0, np.uint8)
 
     def __call__(self, grabbed: Any, arrived_s: float) -> Picture | None:
         """The picture at its stamp in the stream; None where it is not a new picture of this camera. grabbed: what a
         driver returned."""
-        self._check.begin()
+        self.begin()
         try:
             picture = Picture(*grabbed)
         except TypeError:
             text = f"a grab gave a {type(grabbed).__name__}, not (stamp_s, image) or a Picture"
-            self._check.note(FaultKind.FORMAT, text)
+            self.note(FaultKind.FORMAT, text)
             return None
         why, depth = (one_line(picture.depth), None) if isinstance(picture.depth, str) else ("", picture.depth)
-        stamp_s, checked = stamp_of(picture.stamp_s), self._check.picture(picture.image, depth)
+        stamp_s, checked = stamp_of(picture.stamp_s), self.picture(picture.image, depth)
         if checked is None or (stamp_s == self._stamp_s and np.array_equal(checked[0], self._image)):
             return None
         stream_s, wrong = self.clock.stamp(stamp_s, arrived_s)
         if wrong is not None:
-            self._check.note(wrong, f"stamp {stamp_s:.6g} s after {self._stamp_s or 0.0:.6g} s, host's taken")
+            self.note(wrong, f"stamp {stamp_s:.6g} s after {self._stamp_s or 0.0:.6g} s, host's taken")
         self._stamp_s, self._image = stamp_s, checked[0]
         return Picture(stream_s, checked[0], why or checked[1])
 

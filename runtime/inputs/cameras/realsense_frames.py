@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.faults import FaultKind
+from edgemap.runtime.frames.faults import FaultKind, note
 from edgemap.runtime.frames.limits import PATIENCE_S, SILENCE_S, TICK_S
-from edgemap.runtime.frames.notes import note
 from edgemap.runtime.frames.reading import library_path
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.drives.pictures import APART_S, ENCODINGS, Depth, DepthBeside, bgr_of

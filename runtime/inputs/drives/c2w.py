@@ -6,8 +6,7 @@ from pathlib import Path
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.faults import FaultKind
-from edgemap.runtime.frames.notes import note
+from edgemap.runtime.frames.faults import FaultKind, note
 from edgemap.runtime.frames.reading import read_text
 from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory

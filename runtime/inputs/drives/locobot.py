@@ -14,8 +14,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.spatial_poses import planarise
 from edgemap.runtime.frames.trajectory import Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, write_camera_yaml
@@ -40,10 +38,8 @@ def read_locobot(folder: Path) -> Drive:
 
 
 def write_locobot(
-    folder: str | Path,
-    intrinsics: Intrinsics,
-    mount: Mount,
-    rate_hz: float,
+    folder: Path,
+    camera: CameraFile,
     odometry: Iterable[Sequence[float]],
     poses: Trajectory | None = None,
 ) -> None:
@@ -51,9 +47,8 @@ def write_locobot(
 
     odometry: rows (stamp_s, x_m, y_m, yaw_rad), one per picture. Pictures in `rgb/` and `depth/` are the caller's.
     """
-    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_camera_yaml(folder / "camera.yaml", CameraFile(intrinsics, mount, rate_hz))
+    write_camera_yaml(folder / "camera.yaml", camera)
     write_wheel_csv(folder / "odometry.csv", odometry)
     if poses is not None:
         lines = [tum_line(stamp, pose) for stamp, pose in zip(poses.stamps_s, poses.poses, strict=True)]

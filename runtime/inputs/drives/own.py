@@ -21,8 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise
@@ -70,10 +68,8 @@ def read_own(folder: Path) -> Drive:
 
 
 def write_drive(
-    folder: str | Path,
-    intrinsics: Intrinsics,
-    mount: Mount,
-    rate_hz: float,
+    folder: Path,
+    camera: CameraFile,
     poses: Trajectory,
     objects: Sequence[dict[str, Any]] | None = None,
     boxes: Sequence[Sequence[dict[str, Any]]] | None = None,
@@ -89,9 +85,8 @@ def write_drive(
     each pose: roll, pitch (positive down) in rad, and rise in metres. Pictures go to `images/` (natural order of names)
     or one `video.mp4`; both are the caller's. Makes the folder.
     """
-    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_camera_yaml(folder / "camera.yaml", CameraFile(intrinsics, mount, rate_hz))
+    write_camera_yaml(folder / "camera.yaml", camera)
     rows = zip(poses.stamps_s, poses.poses, strict=True)
     lines = (tum_line(stamp, pose) for stamp, pose in rows)
     if tilts is not None:

@@ -16,7 +16,7 @@ from edgemap.geometry.map_object import MapObject, ellipse_95, outline_m, radius
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.rooms import title_of
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
+from edgemap.runtime.frames.colours import SHAPES, label_mark
 from edgemap.runtime.frames.disk import make_folder, write_atomically
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.outputs.map_formats.grid import MARGIN_M
@@ -105,7 +105,7 @@ def _panels(drawn: DrawnMap) -> tuple[list[Item], float, float]:
     panels = [(title, _centres(sheet, drawn))]
     if drawn.sightings:
         seen = drawn.sightings[:: 1 + len(drawn.sightings) // MAXIMUM_SHAPES]
-        dots = [Shape(sheet.at(one.map_m) + _circle(2.5), label_colour(one.label), opacity=0.5) for one in seen]
+        dots = [Shape(sheet.at(one.map_m) + _circle(2.5), label_mark(one.label).colour, opacity=0.5) for one in seen]
         panels = [
             (f"(a) all {len(drawn.sightings)} sightings", dots),
             (f"(b) {len(objects)} clusters", _clusters(sheet, seen, objects)),
@@ -161,7 +161,9 @@ def _floor(sheet: Sheet, drawn: DrawnMap) -> list[Item]:
     items += _metre_grid(sheet)
     if grid is not None:
         items += [_line(sheet, wall, INK, 2.5) for wall in walls_of(grid)]
-    items += [Shape(sheet.at(room.corners_m), label_colour(title_of(room)), INK, opacity=0.12) for room in drawn.rooms]
+    items += [
+        Shape(sheet.at(room.corners_m), label_mark(title_of(room)).colour, INK, opacity=0.12) for room in drawn.rooms
+    ]
     items += [_line(sheet, door, PAPER, 5.0) for door in drawn.doors]
     for corners in (sheet.at(zone.corners_m) for zone in drawn.zones):
         items += [Shape(corners, MUTED, opacity=0.1), Shape(corners, stroke=INK, width=1.0)]
@@ -210,12 +212,12 @@ def _centres(sheet: Sheet, drawn: DrawnMap) -> list[Item]:
     """Objects with the floor that they take, 95 % ellipse and name; of doubtful objects the hollow mark alone."""
     items: list[Item] = []
     for item in sorted(drawn.objects, key=radius_m, reverse=True):  # small ones on top
-        at, colour = sheet.at(item.position_m), label_colour(item.label)
+        at, colour = sheet.at(item.position_m), label_mark(item.label).colour
         if not is_doubtful(item):
             items.append(Shape(sheet.at(outline_m(item)), colour, opacity=0.2))
             items.append(Shape(at + _ellipse(item) * sheet.px_per_m, stroke=colour, width=1.0))
     for label, *place in drawn.truth:
-        items.append(Shape(sheet.at(place) + _mark(label, 9.0), stroke=label_colour(label)))
+        items.append(Shape(sheet.at(place) + _mark(label, 9.0), stroke=label_mark(label).colour))
     items += [_spot(sheet, item, is_doubtful(item)) for item in drawn.objects]
     named = [(item.name or item.id, item.position_m) for item in drawn.objects]
     named += [(zone.name, np.mean(zone.corners_m, axis=0)) for zone in drawn.zones]
@@ -237,13 +239,13 @@ def _clusters(sheet: Sheet, sightings: Sequence[SeenRecord], objects: Sequence[M
             items.append(Shape(sheet.at(seen.map_m) + _circle(2.5), stroke=LONE, width=1.0))
         else:
             ends = sheet.at([seen.map_m, tuple(centre)])
-            items.append(Shape(ends, stroke=label_colour(seen.label), opacity=0.35, width=0.5, closed=False))
+            items.append(Shape(ends, stroke=label_mark(seen.label).colour, opacity=0.35, width=0.5, closed=False))
     return items + [_spot(sheet, item) for item in objects]
 
 
 def _spot(sheet: Sheet, item: MapObject, hollow: bool = False) -> Shape:
     """The mark at an object's position."""
-    colour, corners = label_colour(item.label), sheet.at(item.position_m) + _mark(item.label, 5.0)
+    colour, corners = label_mark(item.label).colour, sheet.at(item.position_m) + _mark(item.label, 5.0)
     return Shape(corners, PAPER, colour) if hollow else Shape(corners, colour, PAPER)
 
 

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.scale import scaled_map
@@ -42,7 +41,7 @@ class LivingMap(Sink):
         self._searching, self._verdict = searching, verdict
         self._result: StepResult | None = None  # the newest
         self._map: tuple[list[MapObject], Annotations] = [], NO_ANNOTATIONS
-        self._saved_grid: tuple[OccupancyGrid, float] | None = None  # and its scale
+        self._saved_grid: int | None = None  # its sum
         self._closed = False
         self._written: dict | None = None
         self._replaced = False  # the map of the runs before, which is kept once
@@ -115,10 +114,11 @@ class LivingMap(Sink):
         self._choose(verdict)
         scale, (objects, annotations) = result.scale if self._closed else 1.0, self._map
         objects, annotations, grid = scaled_map(objects, verdict.on(annotations), result.grid, scale)
-        if result.grid is not None and grid is not None and (result.grid, scale) != self._saved_grid:
-            save_grid(self.path.with_name(grid_name(self.path)), grid)
-            self._saved_grid = (result.grid, scale)
-        document = map_document(objects, annotations, grid, last_pose=result.pose_map_base.scaled(scale))
+        beside = self.path.with_name(grid_name(self.path))
+        document = map_document(objects, annotations, grid, beside.name, result.pose_map_base.scaled(scale))
+        if grid is not None and document["grid_sum"] != self._saved_grid:
+            save_grid(beside, grid)
+            self._saved_grid = document["grid_sum"]
         if document != self._written:
             replace_map(self.path, saved_text(document), keeps_before=not self._replaced and not self.beside)
             self._written, self._replaced = document, self._replaced or not self.beside

@@ -28,9 +28,4 @@ class Cause(msgspec.Struct, frozen=True):
 
 
 CAUSES = msgspec.toml.decode(Path(__file__).with_suffix(".toml").read_bytes(), type=dict[str, Cause])
-_BY_KIND = {kind: cause for cause in CAUSES.values() for kind in cause.kinds}
-
-
-def cause_of(kind: FaultKind) -> Cause | None:
-    """The cause that faults of a kind lead to; None where there is none."""
-    return _BY_KIND.get(kind)
+CAUSE_OF = {kind: cause for cause in CAUSES.values() for kind in cause.kinds}  # of the faults that lead to one

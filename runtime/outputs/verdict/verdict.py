@@ -15,7 +15,7 @@ from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.frames.faults import FaultKind, read_fault
 from edgemap.runtime.frames.reading import decode_json, error_line, printable, read_bytes
 from edgemap.runtime.motion.odometry_names import HYBRID
-from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of
+from edgemap.runtime.outputs.verdict.causes import CAUSE_OF, CAUSES, Cause
 
 TITLES: dict[Level, str] = {"good": "good", "care": "use with care", "unreliable": "not reliable"}
 
@@ -291,7 +291,7 @@ def explain(record: Mapping[str, Any], objects: Sequence[MapObject]) -> tuple[Ve
         evidence.setdefault(finding.cause, []).append(finding.text)
     shown: dict[Cause, list[str]] = {}
     for fault in faults:
-        if cause := cause_of(fault.kind):
+        if cause := CAUSE_OF.get(fault.kind):
             shown.setdefault(cause, []).append(printable(fault.line))
     counted = set(evidence)
     for cause, lines in shown.items():

@@ -18,7 +18,7 @@ from support.ros_bag import camera_info, compressed, image, imu, make, odometry,
 from edgemap.bridges.ros2.recordings.foreign import read_wheel
 from edgemap.runtime.frames.camera import CameraOptions, next_frame
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.notes import collected
+from edgemap.runtime.frames.faults import collected
 from edgemap.runtime.inputs.open import open_camera
 
 K = [58.0, 0.0, 31.5, 0.0, 58.0, 23.5, 0.0, 0.0, 1.0]

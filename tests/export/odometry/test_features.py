@@ -14,7 +14,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives.own import write_drive
+from edgemap.runtime.inputs.drives import CameraFile, write_drive
 from edgemap.simulation.record import write_video
 
 
@@ -24,7 +24,8 @@ def filmed(folder, level):
     write_video(folder / "video.mp4", [np.full((32, 32, 3), level, np.uint8)] * 3, 10.0)
     os.utime(folder / "video.mp4", (1e9, 1e9))
     truth = Trajectory(np.arange(3) / 10.0, (SE2(), SE2(0.1), SE2(0.2)))
-    write_drive(folder, Intrinsics(32, 32, 30.0, 30.0, 15.5, 15.5), Mount.from_degrees(0.5, 15.0), 10.0, truth)
+    lens = Intrinsics(32, 32, 30.0, 30.0, 15.5, 15.5)
+    write_drive(folder, CameraFile(lens, Mount.from_degrees(0.5, 15.0), 10.0), truth)
 
 
 def test_a_video_rendered_again_gets_features_of_its_own(small_cfg, small_weights, tmp_path):

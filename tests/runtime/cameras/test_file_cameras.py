@@ -30,7 +30,7 @@ from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.program_camera import FramesCamera, PushedCamera
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera, RotatedCamera, SearchRate
-from edgemap.runtime.inputs.drives import write_drive
+from edgemap.runtime.inputs.drives import CameraFile, write_drive
 from edgemap.runtime.inputs.open import DEMO, open_camera
 
 LENS = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5)
@@ -91,7 +91,7 @@ def test_a_folder_is_read_in_natural_order(tmp_path):
 @pytest.mark.parametrize(("frames", "text"), [(15, "ends after 15 frames, 20 poses"), (25, "more frames than the 20")])
 def test_a_video_that_does_not_match_its_poses_is_an_error(tmp_path, frames, text):
     way = Trajectory(100.0 + np.arange(20) / 10, tuple(SE2(2.0 + 0.1 * i, 1.0, 0.0) for i in range(20)))
-    write_drive(tmp_path, LENS, MOUNT, 10.0, way)
+    write_drive(tmp_path, CameraFile(LENS, MOUNT, 10.0), way)
     write_video(tmp_path / "video.mp4", frames)
     with open_camera(f"drive:{tmp_path}") as camera, pytest.raises(CameraError, match=text):
         drain(camera)

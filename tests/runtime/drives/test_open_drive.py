@@ -17,7 +17,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.spatial_poses import planarise, up_vector, upright_camera
 from edgemap.runtime.frames.trajectory import Trajectory
-from edgemap.runtime.inputs.drives import open_drive, write_drive, write_locobot
+from edgemap.runtime.inputs.drives import CameraFile, open_drive, write_drive, write_locobot
 
 LENS, MOUNT = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5), Mount.from_degrees(0.6, 11.5)
 POSE_12, POSE = "1 0 0 0 0 1 0 0 0 0 1 0\n", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
@@ -33,7 +33,7 @@ def kitti(folder):
 def own(folder, count=3, **extra):
     write_pictures(folder / "images", count)
     poses = tuple(SE2(1.0, 2.0 + 0.5 * i, math.pi / 2) for i in range(count))
-    write_drive(folder, LENS, MOUNT, 10.0, Trajectory(7.0 + np.arange(count) / 10, poses), **extra)
+    write_drive(folder, CameraFile(LENS, MOUNT, 10.0), Trajectory(7.0 + np.arange(count) / 10, poses), **extra)
     return f"drive:{folder}"
 
 
@@ -236,12 +236,12 @@ def test_what_is_wrong_with_our_own_layout_is_named(tmp_path, name, content, tex
 def test_locobot_truth_is_its_odometry_unless_there_is_better(tmp_path):
     write_pictures(tmp_path / "rgb", 2)
     write_pictures(tmp_path / "depth", 2)
-    write_locobot(tmp_path, LENS, MOUNT, 10.0, [(3.0, 1.0, 1.0, math.pi / 2), (3.1, 1.0, 1.4, math.pi / 2)])
+    write_locobot(tmp_path, CameraFile(LENS, MOUNT, 10.0), [(3.0, 1.0, 1.0, math.pi / 2), (3.1, 1.0, 1.4, math.pi / 2)])
     drive = open_drive(f"locobot:{tmp_path}")
     assert drive.truth.poses[1].vector() == pytest.approx([0.4, 0.0, 0.0], abs=1e-5)
     assert len(drive.depth) == 2
     better = Trajectory(np.array([3.0, 3.1]), (SE2(), SE2(0.5, 0.0, 0.0)))
-    write_locobot(tmp_path, LENS, MOUNT, 10.0, [(3.0, 0, 0, 0), (3.1, 0.4, 0, 0)], better)
+    write_locobot(tmp_path, CameraFile(LENS, MOUNT, 10.0), [(3.0, 0, 0, 0), (3.1, 0.4, 0, 0)], better)
     assert open_drive(f"locobot:{tmp_path}").truth.poses[1].x_m == pytest.approx(0.5)
     (tmp_path / "odometry.csv").write_text("stamp_s,x_m,y_m,yaw_rad\n3.0,nan,0,0\n")
     assert "odometry.csv:2: x_m is nan" in refusal(f"locobot:{tmp_path}")
