@@ -40,7 +40,7 @@ from edgemap.runtime.outputs.verdict.run_counts import RunCounts
 from edgemap.runtime.session import Session
 from edgemap.runtime.step.config import Config, load_config
 from edgemap.runtime.step.sinks import Sink
-from edgemap.runtime.step.slam import SemanticSlam
+from edgemap.runtime.step.slam import CLUSTERINGS, SemanticSlam
 
 
 class GuessWarning(UserWarning):
@@ -103,10 +103,12 @@ def open_session(
     for word, value, most in (("confidence", confidence, 1.0), ("rate", rate, inf)):
         if value is not None and not 0.0 < value <= most:
             raise UsageError(f"{word}={value:g}: expected more than 0" + (", at most 1" if most == 1.0 else ""))
+    if clustering not in CLUSTERINGS:
+        raise UsageError(f"clustering={clustering!r}: expected {' or '.join(CLUSTERINGS)}")
     described = None if camera_file is None else read_camera_yaml(user_path(camera_file))
     stated = {name for name, value in (("intrinsics", intrinsics), ("mount", mount)) if value is not None}
     height_m = None
-    if isinstance(mount, int | float):
+    if isinstance(mount, int | float | np.number):
         height_m, mount, stated = float(mount), None, {*stated, "height"} - {"mount"}
     if described is not None:
         intrinsics = described.intrinsics if intrinsics is None else intrinsics

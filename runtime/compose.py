@@ -26,6 +26,8 @@ from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.relocalisation import SavedMap
 from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, build_slam
 
+WORDS = "dock", "last"  # poses that the saved map knows
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSpec(SlamOptions):
@@ -89,8 +91,8 @@ def _enter_saved_map(mapper: Mapper, place: MapPlace | None, spec: RunSpec, give
         return
     if spec.clustering == "paper":
         raise UsageError("a saved map goes on by association: the paper's clustering needs every sighting")
-    if place.lives and not place.exists:
-        if start is not None:
+    if place.lives and not place.exists:  # its first pose is its origin, and the dock where no other is set
+        if start not in (None, *WORDS):
             raise UsageError(f"start {start}: {place.path} is a new map, whose first pose is its origin")
         return
     saved = SavedMap(*load_annotated_map(place.path), load_grid(place.path))
@@ -102,16 +104,17 @@ def _enter_saved_map(mapper: Mapper, place: MapPlace | None, spec: RunSpec, give
 
 
 def _start_pose(start: str, annotations: Annotations) -> SE2:
-    """The pose that a start means. Raises UsageError."""
-    starts = {"dock": annotations.dock, "last": annotations.last_pose}
-    if start not in starts:
-        x_m, y_m, yaw_deg = numbers(start, "start", "X,Y,YAW_DEG")
-        return SE2(x_m, y_m, radians(yaw_deg))
-    pose = starts[start]
-    if pose is None:
-        lacks = {"dock": "dock (set it on the live page or with PUT /api/dock)", "last": "last pose"}[start]
-        raise UsageError(f"start {start}: the map has no {lacks}")
-    return pose
+    """The pose that a start means; without a dock, the map's origin is one. Raises UsageError."""
+    if start == "dock":
+        return annotations.dock or SE2()
+    if start == "last":
+        if annotations.last_pose is None:
+            raise UsageError("start last: the map has no last pose")
+        return annotations.last_pose
+    if "," not in start:
+        raise UsageError(f"start {start}: expected {', '.join(WORDS)} or X,Y,YAW_DEG")
+    x_m, y_m, yaw_deg = numbers(start, "start", "X,Y,YAW_DEG")
+    return SE2(x_m, y_m, radians(yaw_deg))
 
 
 def optics_record(floor: FloorCamera) -> dict[str, Any]:

@@ -178,7 +178,8 @@ def _samples(value: Any) -> ImuSamples | None:
     """ImuSamples, or (N, 7): stamp_s, gyro x y z in rad/s, accelerometer x y z in m/s^2, optical axes."""
     if value is None or isinstance(value, ImuSamples):
         return value
-    rows = np.atleast_2d(np.asarray(value, dtype=np.float64))
+    rows = np.asarray(value, dtype=np.float64)
+    rows = rows.reshape(-1, 7) if rows.size == 0 else np.atleast_2d(rows)
     if rows.ndim != 2 or rows.shape[1] != 7 or not np.isfinite(rows).all():
         raise CameraError(
             f"imu= has shape {rows.shape}, expected finite (N, 7): stamp_s, gyro x y z, accelerometer x y z"

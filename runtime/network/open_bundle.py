@@ -8,6 +8,7 @@ from typing import Any
 
 from google.protobuf import descriptor_pb2, message_factory
 
+from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.frames.inference import Engine, Precision
 from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.engines import Pace, compute_at, open_network
@@ -84,6 +85,8 @@ def open_bundle(
     beside = companion is not None and (foreign or read_manifest(source).detector.floor is None)
     threads = (threads or 1) if beside else threads  # two networks at once
     usual, asked = compute_at(pace, threads), compute_at(pace, threads, engine)
+    if names is not None and not foreign:
+        raise BundleError(f"bundle {source}: its classes have names already; names are for a FILE.onnx")
     loaded = load_foreign(source, usual, names) if foreign else load_bundle(source, asked, precision)
     if companion is None or not beside:
         return loaded

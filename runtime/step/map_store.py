@@ -37,7 +37,10 @@ def find_map(text: str | Path) -> MapPlace:
     """The map that a text names: a map.json or a run folder is only read; a name or another folder is saved back to.
 
     A name begins with a letter or digit of any script, has no slash, and no map of that name is in the current folder.
+    Raises MapError for an empty text.
     """
+    if not str(text):
+        raise MapError("the map's name is empty")  # an unset variable is not the current folder
     path = user_path(str(text))
     is_file = path.is_file() or path.suffix == ".json"
     if is_file or (path / "run.json").is_file() or (path / "robots").is_dir():  # the last is a fleet's place

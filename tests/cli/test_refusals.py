@@ -121,6 +121,7 @@ REFUSED = [
     (["run", "--bundle", "~\0x"], 2, r"~\x00x"),
     (["map", "show", "~\0"], 1, "null byte"),
     ("detect pictures/0.png --bundle bundle --precision int8", 1, "int8"),
+    ("detect pictures/0.png --bundle bundle --names carpets/poses.tum", 1, "have names already"),
     ("why empty", 1, "empty"),
     ("why none", 1, "none"),
     ("map show room.json --label chairs", 2, "did you mean chair?"),

@@ -184,7 +184,7 @@ def test_pushed_wheels_move_the_robot(painted_bundle):
     options = {**KNOWN, "bundle": painted_bundle}
     with edgemap_api.open(**options) as session:
         for index, picture in enumerate(noise(8)):
-            result = session.push(picture, 0.1 * index, wheels=(0.05 * index, 0.0, 0.0))
+            result = session.push(picture, 0.1 * index, imu=[], wheels=(0.05 * index, 0.0, 0.0))
         assert result.pose_map_base.x_m == pytest.approx(0.35, abs=0.03)
         with pytest.raises(CameraError, match="expected seconds after"):
             session.push(noise(1)[0], 0.1, wheels=(0.0, 0.0, 0.0))
@@ -213,7 +213,7 @@ def test_only_the_classes_asked_for_are_mapped_and_a_lens_of_another_size_is_war
         ({"frames": noise(2), "intrinsics": LENS}, r"pass mount=\(height_m, pitch_deg\)"),
         ({"intrinsics": LENS}, r"pass mount=\(height_m, pitch_deg\)"),
         ({"frames": noise(2), "intrinsics": LENS, "mount": (1.0,)}, r"mount=\(1.0,\): expected a height"),
-        ({"camera": "demo", "mount": 60}, "a lens 60 m above the floor"),
+        ({"camera": "demo", "mount": np.float32(60)}, "a lens 60 m above the floor"),
         ({"frames": 5}, "frames=5: expected pictures"),
         ({"frames": noise(2), "intrinsics": (50.0, 50.0), "mount": MOUNT}, "expected four numbers"),
         ({"frames": noise(2), "intrinsics": (31.5, 31.5, 500, 500), "mount": MOUNT}, "500,500 is outside the picture"),
@@ -221,6 +221,8 @@ def test_only_the_classes_asked_for_are_mapped_and_a_lens_of_another_size_is_war
         ({"frames": [np.zeros((8, 8))], **KNOWN}, r"is float64 \(8, 8\), expected a BGR"),
         ({"frames": noise(2), "camera": "demo"}, "camera= or frames=, not both"),
         ({"frames": noise(2), **KNOWN, "map": "home", "clustering": "paper"}, "a saved map goes on by association"),
+        ({"frames": noise(2), **KNOWN, "map": ""}, "the map's name is empty"),
+        ({"camera": "demo", "clustering": "Paper"}, "clustering='Paper': expected default or paper"),
         ({**KNOWN, "confidence": 3.0}, "confidence=3: expected more than 0, at most 1"),
         ({"frames": noise(1), **KNOWN, "rate": -1.0}, "rate=-1: expected more than 0"),
         ({"frames": noise(1), **KNOWN, "rotate": 90}, "rotate=90: only the source"),
