@@ -8,14 +8,12 @@ import numpy as np
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.registration.alignment import AlignmentError, align
 
-MOST_PAIRS = 5_000  # of saved and new objects; comparing more would delay a step by more than 0.1 s
-
 
 class DoubledObjects:
     """Compares what a run has added to a saved map with what it has not observed there."""
 
     def __init__(self) -> None:
-        self._compared = 0, 0  # numbers of saved and new objects
+        self._compared = 0  # number of new objects, which are compared again when there are twice as many, or fewer
         self._seen: dict[str, Any] | None = None
 
     def seen(self, objects: Sequence[MapObject]) -> dict[str, Any] | None:
@@ -24,8 +22,8 @@ class DoubledObjects:
         """
         saved = [item for item in objects if item.earlier]
         new = [item for item in objects if not item.earlier and all(e.what != "restored" for e in item.history)]
-        if self._compared != (numbers := (len(saved), len(new))) and len(saved) * len(new) <= MOST_PAIRS:
-            self._compared, self._seen = numbers, _compared(saved, new)
+        if not self._compared <= len(new) < 2 * self._compared:
+            self._compared, self._seen = len(new), _compared(saved, new)
         again = len(objects) - len(saved) - len(new)
         return self._seen if self._seen and self._seen["objects"] > again else None
 
