@@ -164,6 +164,8 @@ def test_two_objects_and_the_floor_are_enough_and_either_alone_is_not(motion):
     assert off_by_m(found.pose_a_b, motion) < 0.3
     both = Registration(mapped(PAIRS), mapped(PAIRS[:2], motion), grids=(whole, part))
     assert both.realigned(found).pairs == found.pairs
+    itself = align(mapped(PAIRS), mapped(PAIRS), (whole, whole))  # in the middle of the floor's tolerance
+    assert off_by_m(itself.pose_a_b, SE2()) < 0.01
     for first, second in ((None, None), (whole, None), (floor(OTHER), part)):
         with pytest.raises(AlignmentError):
             aligned(first, second)
