@@ -48,13 +48,13 @@ LOOK_EVERY_S = 0.1
 WITHOUT = ",without-pictures"
 
 
-def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
+def where_it_was(mapper: Mapper, saved: str | None) -> str | None:
     """Result of the relocalisation in the saved map, in one line; None where there was none."""
     search = mapper.relocaliser
     if search is None:
         return None
     if str(saved) == AUTO:
-        saved = search.saved.path if search.saved else Path("any named map")
+        saved = str(search.saved.path) if search.saved else "any named map"
     if search.alignment is None:
         return f"not found in {saved}, so this run's map stands alone in its own frame: {search.reason}"
     pose, count = search.alignment.pose_a_b, len(search.alignment.pairs)

@@ -50,7 +50,7 @@ class MapGroup(MappingOptions):
     """Objects to map, and the saved map to continue."""
 
     saved: Annotated[
-        Path | None,
+        str | None,
         arg(
             name="map",
             metavar="MAP",
@@ -80,7 +80,7 @@ class MapGroup(MappingOptions):
     @property
     def auto(self) -> bool:
         """Whether the run finds out in which named map it is."""
-        return str(self.saved) == AUTO
+        return self.saved == AUTO
 
     @property
     def named_classes(self) -> frozenset[str] | None:

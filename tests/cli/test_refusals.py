@@ -87,6 +87,7 @@ REFUSED = [
     (f"{RUN} --precision int8", 1, "int8"),
     (f"{RUN} --map nowhere.json", 1, "nowhere.json"),
     (f"{RUN} --start 0,0,0", 2, "--map"),
+    ([*RUN.split(), "--map", ""], 1, "name is empty"),
     (f"{RUN} --map room.json --start 0,0", 2, "3 numbers"),
     (f"{RUN} --map room.json --clustering paper", 2, "association"),
     (f"{RUN} --record there.mcap", 2, "there.mcap"),
