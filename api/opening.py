@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from math import degrees, inf
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from edgemap.runtime.frames.camera import Camera, CameraOptions
 from edgemap.runtime.frames.class_names import read_class_names
 from edgemap.runtime.frames.errors import BundleError, CameraError, UsageError
 from edgemap.runtime.frames.limits import HIGHEST_M, LOWEST_M
+from edgemap.runtime.frames.option_texts import Clustering
 from edgemap.runtime.frames.program_camera import (
     FramesCamera,
     IntrinsicsLike,
@@ -40,7 +42,7 @@ from edgemap.runtime.outputs.verdict.run_counts import RunCounts
 from edgemap.runtime.session import Session
 from edgemap.runtime.step.config import Config, load_config
 from edgemap.runtime.step.sinks import Sink
-from edgemap.runtime.step.slam import CLUSTERINGS, SemanticSlam
+from edgemap.runtime.step.slam import SemanticSlam
 
 
 class GuessWarning(UserWarning):
@@ -103,8 +105,8 @@ def open_session(
     for word, value, most in (("confidence", confidence, 1.0), ("rate", rate, inf)):
         if value is not None and not 0.0 < value <= most:
             raise UsageError(f"{word}={value:g}: expected more than 0" + (", at most 1" if most == 1.0 else ""))
-    if clustering not in CLUSTERINGS:
-        raise UsageError(f"clustering={clustering!r}: expected {' or '.join(CLUSTERINGS)}")
+    if clustering not in get_args(Clustering):
+        raise UsageError(f"clustering={clustering!r}: expected {' or '.join(get_args(Clustering))}")
     described = None if camera_file is None else read_camera_yaml(user_path(camera_file))
     stated = {name for name, value in (("intrinsics", intrinsics), ("mount", mount)) if value is not None}
     height_m = None

@@ -22,6 +22,7 @@ from edgemap.cli.camera_options import (
 from edgemap.cli.options import Confidence, WithoutImu, in_unit
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.frames.errors import UsageError
+from edgemap.runtime.frames.option_texts import Clustering
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
@@ -121,7 +122,7 @@ class MappingOptions:
 
     confidence: Confidence = None
     clustering: Annotated[
-        Literal["default", "paper"],
+        Clustering,
         arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
     ] = "default"
     loop_closure: Annotated[

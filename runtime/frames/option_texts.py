@@ -2,8 +2,11 @@
 
 import math
 from collections.abc import Iterable
+from typing import Literal
 
 from edgemap.runtime.frames.errors import UsageError
+
+Clustering = Literal["default", "paper"]
 
 
 def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:

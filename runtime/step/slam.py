@@ -147,9 +147,6 @@ class SemanticSlam:
         return self.mapper.objects()
 
 
-CLUSTERINGS = "default", "paper"
-
-
 @dataclass(frozen=True, slots=True)
 class SlamOptions:
     """Options of a run, as opposed to tuned parameters. The defaults are those of `edgemap run`.
