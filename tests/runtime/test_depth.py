@@ -73,13 +73,13 @@ def faults_of(mounted, believed=MOUNT, frames=45):
     camera = FloorCamera(LENS, believed)
     source = EstimatedAttitude(camera)
     check, none = HeightCheck(believed), Detections.none(("chair",))
-    told = []
+    faults = []
     for index in range(frames):
         nod = Mount(mounted.height_m, mounted.pitch_rad + math.radians(0.4) * math.sin(index), mounted.roll_rad)
         frame = Frame(index, index / 4, BLANK, depth=depth_room(nod))
         attitude = source.predict(frame)
-        told += [*source.faults, check.judge(frame.stamp_s, camera.at(attitude), none, Motion())]
-    return [fault for fault in told if fault]
+        faults += [*source.faults, check.judge(frame.stamp_s, camera.at(attitude), none, Motion())]
+    return [fault for fault in faults if fault]
 
 
 def test_a_mount_that_depth_shows_to_be_wrong_is_a_fault_once_and_a_right_one_is_none():

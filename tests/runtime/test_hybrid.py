@@ -203,14 +203,14 @@ def test_a_gyro_that_is_not_confirmed_has_no_weight_beside_the_camera():
 def test_its_heading_is_held_to_the_room_that_the_edges_show():
     """A yaw that errs by 0.5 degrees a step, 30 degrees after 60, in a room that is seen every fifth."""
     headings = {}
-    for told in (False, True):
+    for edged in (False, True):
         steps = [motion(0.05, 0.01, math.radians(0.5)) for _ in range(61)]
         hybrid, heading = of(camera=steps), 0.0
         for index in range(61):
-            room = RoomAxes(0.4, math.radians(0.6), np.zeros(3), index / 10.0) if told and index % 5 == 0 else None
+            room = RoomAxes(0.4, math.radians(0.6), np.zeros(3), index / 10.0) if edged and index % 5 == 0 else None
             attitude = Attitude(0.0, 0.0, np.eye(2), room=room)
             found = hybrid.step(replace(FRAME, index=index, stamp_s=index / 10.0), {}, FramePrior(attitude))
             heading += found.motion.yaw_rad if index else 0.0
-        headings[told] = math.degrees(heading)
+        headings[edged] = math.degrees(heading)
     assert headings[False] == pytest.approx(30.0)
     assert abs(headings[True]) < 10.0  # two seconds of its drift

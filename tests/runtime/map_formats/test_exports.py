@@ -126,14 +126,14 @@ def path_of(*points):
 
 
 @pytest.mark.parametrize(
-    ("trajectory", "cell_m", "told"),
+    ("trajectory", "cell_m", "words"),
     [
         (path_of((0, 0), (1e6, 1e6), (-1e6, -1e6)), 0.05, f"cells of 0.05 m: more than {MAXIMUM_CELLS}"),
         (path_of((0, 0), (1, 1)), 1e-12, "cells of 1e-12 m"),
     ],
 )
-def test_a_grid_is_counted_before_it_is_made(trajectory, cell_m, told):
-    with pytest.raises(MapError, match=told):
+def test_a_grid_is_counted_before_it_is_made(trajectory, cell_m, words):
+    with pytest.raises(MapError, match=words):
         grid_of([], trajectory, cell_m)
 
 
