@@ -50,7 +50,7 @@ def test_a_calm_drive_is_good_and_a_record_of_an_older_run_is_used_with_care():
     assert verdict_of({"faults": []}, [CHAIR]).level == "care"
 
 
-def test_objects_that_stand_as_those_of_the_saved_map_do_but_elsewhere_show_a_wrong_start():
+def test_objects_that_stand_as_earlier_ones_do_but_elsewhere_show_a_wrong_start_or_pose():
     places = np.random.default_rng(1).uniform(0.0, 6.0, (8, 2))
     saved = [replace(CHAIR, id=f"chair-{n}", position_m=at, earlier=True) for n, at in enumerate(places)]
     new = [replace(CHAIR, id=f"chair-{n + 8}", position_m=SE2(2.0, 1.0, 1.5).apply(at)) for n, at in enumerate(places)]
@@ -60,6 +60,27 @@ def test_objects_that_stand_as_those_of_the_saved_map_do_but_elsewhere_show_a_wr
         doubled = counts.quality()["doubled"]
         assert (doubled and doubled["objects"]) == twice
         assert ("8 objects stand twice" in verdict_of(record({"doubled": doubled}), objects).line) == bool(twice)
+
+
+def test_a_pose_that_a_person_sets_wrongly_shows_by_the_objects_that_stand_twice_since():
+    frames = [Frame(i, float(i), np.zeros((48, 64, 3), np.uint8)) for i in range(8)]
+    places = np.random.default_rng(1).uniform(0.0, 6.0, (7, 2))
+    old = [replace(CHAIR, id=f"chair-{n}", position_m=at, last_seen_s=3.5) for n, at in enumerate(places)]
+    elsewhere = SE2(2.0, 1.0, 1.5)
+    new = [
+        replace(CHAIR, id=f"chair-{n + 9}", position_m=elsewhere.apply(at), first_seen_s=4.0)
+        for n, at in enumerate(places)
+    ]
+    for wrong in (True, False):
+        counts = RunCounts(dict(RECORD))
+        for result in results(frames, POSES[:8]):
+            moves = wrong and result.frame.index >= 4
+            pose = elsewhere @ result.pose_map_base if moves else result.pose_map_base
+            counts.write(replace(result, pose_map_base=pose), [*old, *new][: 3 + 2 * result.frame.index])
+        counts.objects = [*old, *new]
+        counts.close()
+        doubled = counts.quality()["doubled"]
+        assert (doubled and doubled["objects"]) == (7 if wrong else None)
 
 
 @pytest.mark.parametrize("measured", [{}, {"attitude_sources": {"depth": 400}}, {"odometry": "poses.tum"}])

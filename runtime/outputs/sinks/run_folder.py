@@ -133,6 +133,7 @@ class RunFolder:
         if self._closed:
             return
         self._closed = True
+        self._counts.close()
         try:
             self._write_all(rewrites=True)
         finally:

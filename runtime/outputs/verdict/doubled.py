@@ -1,5 +1,6 @@
-"""Objects that a continued map holds twice, because the run was placed wrongly in the saved one."""
+"""Objects that a map holds twice, because a person has placed the robot wrongly in it."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,31 +11,40 @@ from edgemap.geometry.registration.alignment import AlignmentError, align
 
 
 class DoubledObjects:
-    """Compares what a run has added to a saved map with what it has not observed there."""
+    """Compares what a run has added since the robot was placed with what it has not observed again.
 
-    def __init__(self) -> None:
+    since_s: stamp at which a person set the pose; by default the run's start in a saved map.
+    """
+
+    def __init__(self, since_s: float = -math.inf) -> None:
+        self._since_s = since_s
         self._compared = 0  # number of new objects, which are compared again when there are twice as many, or fewer
         self._seen: dict[str, Any] | None = None
 
+    def ended(self) -> None:
+        """The map is complete: it is compared once more."""
+        self._compared = 0
+
     def seen(self, objects: Sequence[MapObject]) -> dict[str, Any] | None:
-        """Where new objects stand to each other as unobserved ones of the saved map do, and chance does not explain it:
-        their number, and how far they are from these, m and deg. None where more of the saved map was observed again.
+        """Where new objects stand to each other as earlier, unobserved ones do, and chance does not explain it: their
+        number, and how far they are from these, m and deg. None where more of the earlier ones were observed again.
         """
-        saved = [item for item in objects if item.earlier]
-        new = [item for item in objects if not item.earlier and all(e.what != "restored" for e in item.history)]
+        old = [item for item in objects if item.earlier or item.last_seen_s < self._since_s]
+        new = [item for item in objects if not item.earlier and item.first_seen_s >= self._since_s]
+        new = [item for item in new if all(event.what != "restored" for event in item.history)]
         if not self._compared <= len(new) < 2 * self._compared:
-            self._compared, self._seen = len(new), _compared(saved, new)
-        again = len(objects) - len(saved) - len(new)
+            self._compared, self._seen = len(new), _compared(old, new)
+        again = len(objects) - len(old) - len(new)
         return self._seen if self._seen and self._seen["objects"] > again else None
 
 
-def _compared(saved: Sequence[MapObject], new: Sequence[MapObject]) -> dict[str, Any] | None:
+def _compared(old: Sequence[MapObject], new: Sequence[MapObject]) -> dict[str, Any] | None:
     try:
-        alignment = align(saved, new)
+        alignment = align(old, new)
     except AlignmentError:
         return None
     rows, columns = np.array(alignment.pairs).T
-    away_m = np.array([saved[row].position_m for row in rows]) - [new[column].position_m for column in columns]
+    away_m = np.array([old[row].position_m for row in rows]) - [new[column].position_m for column in columns]
     return {
         "objects": len(rows),
         "away_m": round(float(np.linalg.norm(away_m, axis=1).mean()), 2),

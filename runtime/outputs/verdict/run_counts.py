@@ -9,6 +9,7 @@ import numpy as np
 from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.scale import scaled_objects
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.outputs.verdict.doubled import DoubledObjects
 from edgemap.runtime.outputs.verdict.verdict import Verdict, verdict_of
@@ -27,7 +28,8 @@ class RunCounts(Sink):
         self.mount_seen: dict[str, float] = {}  # as the drive has shown it so far
         self.objects: list[MapObject] = []  # of the newest map
         self.frames = 0
-        self._doubled = DoubledObjects()
+        self._doubled = [DoubledObjects()]  # since the start, and since a person has set the pose
+        self._pose_map_odom = SE2()
         self._kinds: Counter[str] = Counter()
         self._attitudes: Counter[str] = Counter()  # frames by where roll and pitch came from
         self._counts: Counter[str] = Counter()
@@ -46,7 +48,11 @@ class RunCounts(Sink):
             self.mount_seen |= mount_record(seen)
         if (height := observed.height_estimate) is not None:
             self.mount_seen |= {"height_m": round(height.height_m, 3), "sigma_height_m": round(height.sigma_m, 3)}
-        stamp_s = result.frame.stamp_s
+        stamp_s, pose_map_odom = result.frame.stamp_s, result.pose_map_base @ result.pose_odom_base.inverse()
+        stays = (self._pose_map_odom.inverse() @ pose_map_odom).is_within(1e-6)  # up to rounding
+        if self.frames and not stays and result.correction is None and result.relocated is None:
+            self._doubled[1:] = [DoubledObjects(stamp_s)]
+        self._pose_map_odom = pose_map_odom
         if self.frames and len(self._steps_s) < 10_000:
             self._steps_s.append(stamp_s - self._last_s)
         self._first_s = stamp_s if math.isnan(self._first_s) else self._first_s
@@ -104,7 +110,7 @@ class RunCounts(Sink):
             "duration_s": round(duration_s, 3),
             "rate_hz": round(1.0 / step_s, 2) if step_s > 0.0 else None,
             "searched_hz": round(self._counts["searched_frames"] / duration_s, 2) if duration_s > 0.0 else None,
-            "doubled": self._doubled.seen(self.objects),
+            "doubled": next(filter(None, (since.seen(self.objects) for since in self._doubled)), None),
         }
 
     def fault(self, fault: Fault) -> None:
@@ -114,6 +120,11 @@ class RunCounts(Sink):
     def last(self, result: StepResult, objects: list[MapObject]) -> None:  # noqa: ARG002
         """The objects with the last boxes."""
         self.objects = objects
+
+    def close(self) -> None:
+        """The map is complete."""
+        for since in self._doubled:
+            since.ended()
 
     def document(self, scale: float = 1.0) -> dict[str, Any]:
         """The record with all counts. scale: by which lengths are multiplied."""

@@ -233,7 +233,7 @@ def _objects(run: _Run) -> Iterator[Finding]:
         return
     if twice := run.quality.get("doubled"):
         text = f"{twice['objects']} objects stand twice, {twice['away_m']:.1f} m and {twice['turned_deg']:.0f} deg off"
-        yield Finding("unreliable", CAUSES["place"], f"{text}: the run was placed wrongly in the saved map")
+        yield Finding("unreliable", CAUSES["place"], f"{text}: the robot was placed wrongly in the map")
     doubtful = sum(is_doubtful(item) for item in objects) / len(objects)
     text = f"{100 * doubtful:.0f} % of the objects are doubtful"
     yield from _graded(doubtful, (LOST_SHARE, 2.0 * LOST_SHARE), CAUSES["other"], text)
