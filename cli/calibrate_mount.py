@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import BoardText, MountCalibrationOptions, print_board_fit, print_mount, read_board
+from edgemap.cli.network_options import NetworkOptions
 from edgemap.cli.options import Topics, above_zero
 from edgemap.cli.signals import stop_on_signals
 from edgemap.runtime.frames.errors import CalibrationError, UsageError
@@ -118,12 +119,15 @@ def _by_edges(
     sigma_m = 0.0
     if height is None:
         with calibration.open(topics) as source, stop_on_signals() as stop:
-            wheels: Any = source.info.wheel
+            bundle = NetworkOptions().load(calibration.camera)
             if source.info.live and calibration.frames is None:
                 print("drive straight on over free floor; Ctrl-C ends it", flush=True)
-            rolled = fit_wheel_height(frames_of(source, calibration.frames, stop.is_set), wheels, lens, tilted)
+            frames = frames_of(source, calibration.frames, stop.is_set)
+            rolled = fit_wheel_height(source, frames, bundle, lens, tilted)
         tilted, sigma_m = replace(tilted, height_m=rolled.height_m), rolled.sigma_m
-        print(f"height by {rolled.windows} windows of wheel travel, {rolled.travelled_m:.1f} m in all")
+        print(
+            f"height by {rolled.windows} windows of wheel travel, {rolled.travelled_m:.1f} m, as sure as their radius"
+        )
         record |= {"height": "wheels and floor", "sigma_height_m": round(sigma_m, 5)}
     print_mount(tilted, sigma_m, *sigma)
     _compare_gravity(tilted, up)
