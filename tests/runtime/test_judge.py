@@ -210,3 +210,17 @@ def test_where_a_file_ends_the_camera_goes_on(tmp_path: Path) -> None:
     true = drive.truth.poses[29].inverse() @ drive.truth.poses[59]
     moved = reduce(SE2.__matmul__, (motion.motion for motion in motions[30:]))
     assert (moved.inverse() @ true).is_within(0.1)
+
+
+def test_the_imu_is_judged_by_the_camera_not_by_poses_of_a_file(tmp_path: Path) -> None:
+    drive, motions = open_drive(f"drive:{DEMO}"), list[Motion]()
+    assert drive.truth is not None
+    still = [f"{stamp_s} 0 0 0 0 0 0 1\n" for stamp_s in drive.truth.stamps_s]
+    (tmp_path / "a.tum").write_text("".join(still))
+    how, bundle = SlamOptions(str(tmp_path / "a.tum"), wheels=False), load_bundle(bundle_folder("edgemap-nano"))
+    replayed(drive, bundle, {"own": how}, 20, Config(), lambda _, result: motions.append(result.motion))
+    true = drive.truth.poses[0].inverse() @ drive.truth.poses[19]
+    moved = reduce(SE2.__matmul__, (seen[0] for one in motions[1:] if (seen := one.moved())))
+    assert all(one.motion == SE2() for one in motions)
+    assert not true.is_within(0.1)
+    assert (moved.inverse() @ true).is_within(0.03)

@@ -55,7 +55,8 @@ class JudgedOdometry(Odometry):
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
         """The external motion since the last frame, or the camera's."""
         stamp_s, seen = frame.stamp_s, self._camera.step(frame, features, prior)
-        given = replace(self._given(stamp_s)[0].step(frame, features, prior), rotation=seen.rotation)
+        given = self._given(stamp_s)[0].step(frame, features, prior)
+        given = replace(given, rotation=seen.rotation, without_gyro=seen.moved())  # the IMU is judged by the camera
         due, self._last_s = self._judge.add(self._last_s, stamp_s, seen.moved()), stamp_s
         return self._chosen(given, seen, stamp_s, self._contradicted(stamp_s) if due and not self._wrong else "")
 
