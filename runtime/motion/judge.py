@@ -117,7 +117,7 @@ class MotionJudge:
         yaw, given = compared.seen[:, 2], compared.given[:, 2]
         if abs(here := _correlation(yaw, given)) < self._rule.follows:
             return f"its yaw does not follow the camera's (correlation {here:.2f})"
-        return self._ratio("yaw", given, yaw, compared.turned, compared.block, UNITS_OF_YAW)
+        return self._ratio("yaw", given, yaw, compared.turned, compared.block)
 
     def _length(self, compared: _Compared) -> str:
         seen, given, block = compared.seen, compared.given, compared.block
@@ -134,22 +134,29 @@ class MotionJudge:
         if abs(angle := cmath.phase(product)) > self._rule.turned_rad:
             return f"its axes are turned by {math.degrees(angle):.0f} deg against the camera's motion"
         along = (ahead.conj() * other).real / np.maximum(np.abs(ahead), 1e-9)
-        return self._ratio("length", along, np.abs(ahead), clear, block, UNITS_OF_LENGTH)
+        return self._ratio("length", along, np.abs(ahead), clear, block)
 
-    def _ratio(self, name: str, given: Array, seen: Array, clear: Rows, block: Rows, units: dict[str, float]) -> str:
+    def _ratio(self, name: str, given: Array, seen: Array, clear: Rows, block: Rows) -> str:
         """Whether a quantity's sums over the clear blocks have the same size."""
         ratios = np.array([given[block == one].sum() / seen[block == one].sum() for one in clear])
         middle, scatter = map(float, median_and_scatter(ratios))
         sigma = math.hypot(self._rule.sigma, scatter / (max(abs(middle), 1e-3) * math.sqrt(len(ratios))))
         if middle > 0.0 and abs(math.log(middle)) < CLEAR_SIGMAS * sigma:
             return ""
-        likely = (unit for unit, size in units.items() if abs(middle / size - 1.0) < CLEAR_SIGMAS * sigma)
-        meant = "".join(f" ({unit}?)" for unit in likely)
-        return f"its {name} is {100.0 * middle:.0f} % of what the camera measures{meant}"
+        return share_text(name, middle, CLEAR_SIGMAS * sigma)
 
 
-UNITS_OF_YAW = {"degrees": math.degrees(1.0), "the sign is reversed": -1.0}
-UNITS_OF_LENGTH = {"millimetres": 1000.0, "centimetres": 100.0, "kilometres": 0.001}
+UNITS = {
+    "yaw": {"degrees": math.degrees(1.0), "the sign is reversed": -1.0},
+    "length": {"millimetres": 1000.0, "centimetres": 100.0, "kilometres": 0.001, "backwards": -1.0},
+}
+
+
+def share_text(name: str, share: float, tolerance: float) -> str:
+    """How much of what the camera measures a source does, and the unit or sign that explains it to a tolerance. name:
+    yaw or length."""
+    likely = (unit for unit, size in UNITS[name].items() if abs(share / size - 1.0) < tolerance)
+    return f"its {name} is {100.0 * share:.0f} % of what the camera measures{''.join(f' ({unit}?)' for unit in likely)}"
 
 
 def _between(path: Path, spans: Array, lag_s: float) -> Array:

@@ -12,7 +12,7 @@ from edgemap.geometry.odometry.consensus import MotionEstimate
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
-from edgemap.runtime.motion.judge import LEAST, MotionJudge, path_of
+from edgemap.runtime.motion.judge import LEAST, MotionJudge, path_of, share_text
 
 # Ratio of the source's motion to the camera's. On two bad drives, the camera was compared with correct wheels in 470
 # windows. 8 windows were outside `ratio`, two of them in a row, and none was below 0.15: these are camera errors.
@@ -148,7 +148,7 @@ class WheelTrust:
             return self._late
         for name, part in self._parts.items():
             if part.state is Trust.DISTRUSTED:
-                return f"its {name} is {100.0 * part.ratio:.0f} % of what the camera measures"
+                return share_text(name, part.ratio, 1.0 - part.rule.ratio)
         return ""
 
     def trusted(self, estimates: Mapping[str, MotionEstimate], camera: bool) -> dict[str, MotionEstimate]:

@@ -14,7 +14,7 @@ from edgemap.geometry.camera.inertial import GRAVITY_M_S2, small_rotation
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
-from edgemap.runtime.motion.judge import MotionJudge, Path, path_of
+from edgemap.runtime.motion.judge import MotionJudge, Path, path_of, share_text
 from edgemap.runtime.motion.trust import CONTRARY, Agreement, Trust, TrustRule
 
 # By datasheets: the smallest full scale (125 deg/s, 2 g), from which on a value that repeats bit by bit is saturated,
@@ -228,7 +228,7 @@ class ImuTrust:
         if contrary := self._turns_gravity or self._contrary:
             return f"gyro: {contrary}"
         if self._yaw.state is Trust.DISTRUSTED and (self._judge.conclusive or self._yaw.ratio < -CONTRARY):
-            return f"gyro: its yaw is {100.0 * self._yaw.ratio:.0f} % of what the camera measures"
+            return f"gyro: {share_text('yaw', self._yaw.ratio, 1.0 - self._yaw.rule.ratio)}"
         return ""
 
 
