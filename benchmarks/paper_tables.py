@@ -7,7 +7,6 @@ DIR/paper_tables.json every figure, DIR/ways/ the ways over the true ones (the p
 
 import json
 import sys
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -121,8 +120,9 @@ def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any]
     counted = counts_by_class(pictures)
     by_class = {name: counted.get(number[name], Counts()) for name in sorted(bundle.mapped)}
     counts = {"chair": by_class.get("chair", Counts()), "mapped": sum(by_class.values(), Counts())}
-    rows = {name: asdict(one) | {"missed": one.missed} for name, one in counts.items()}
-    return {"frames": len(pictures), "score": bundle.manifest.confidence, **rows}
+    rows = {name: {key: one[key] for key in ("true", "found", "false")} for name, one in counts.items()}
+    missed = {name: row | {"missed": row["true"] - row["found"]} for name, row in rows.items()}
+    return {"frames": len(pictures), "score": bundle.manifest.confidence, **missed}
 
 
 def _ways(scored: dict[str, dict[str, ScoredDrive]], folder: Path) -> dict[str, str]:
