@@ -25,6 +25,7 @@ from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
 from edgemap.runtime.network.engines import compute_at
 from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.step.slam import SlamOptions
 
 COUNTED = 100  # frames of each sequence in which detections are counted, as in the paper
 # Column to what it runs; the camera is alone in all but the last two.
@@ -76,7 +77,7 @@ def measure(specs: dict[str, str], bundle: Bundle, frames: int | None, out: Path
             if wheels and (spec.partition(":")[0] not in READERS or open_drive(spec).wheel is None):
                 continue
             print(f"{column}: {name}", file=sys.stderr, flush=True)
-            scored[column][name] = score_drive(spec, odometry, bundle, Selection(frames=frames, wheels=wheels))
+            scored[column][name] = score_drive(spec, SlamOptions(odometry, wheels), bundle, Selection(frames=frames))
         if not scored[column]:
             del scored[column]
             lacking[column] = "no wheel odometry in the data"

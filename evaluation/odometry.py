@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.evaluation.trajectory import (
+    SEGMENT_STEP,
     aligned_errors_m,
     motion_errors,
     motions,
@@ -53,9 +54,10 @@ def errors_of(
     covariances: Array | None = None,
     lengths_m: Sequence[float] = INDOOR_LENGTHS_M,
     stamps_s: Array | None = None,
+    step: int = SEGMENT_STEP,
 ) -> DriveErrors:
     """Compare poses of the same frames, two at least. covariances: (N - 1, 3, 3), of each estimated motion. stamps_s:
-    (N,)."""
+    (N,). step: frames between the starts of two segments."""
     steps_true, steps_estimated = motions(true), motions(estimated)
     steps = motion_errors(steps_true, steps_estimated)
     starts = [true[0].inverse() @ pose for pose in true], [estimated[0].inverse() @ pose for pose in estimated]
@@ -69,7 +71,7 @@ def errors_of(
         windows = window_errors(true, estimated, covariances, stamps_s, WINDOWS_S)
     return DriveErrors(
         path_m=float(path_m(true)[-1]),
-        segments={length: segment_errors(true, estimated, length) for length in lengths_m},
+        segments={length: segment_errors(true, estimated, length, step) for length in lengths_m},
         aligned_m=aligned_errors_m(true, estimated),
         steps=steps,
         from_start=motion_errors(*starts),
