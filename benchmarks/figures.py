@@ -26,16 +26,6 @@ Row = dict[str, Any]
 HERE, OUT = Path(__file__).resolve().parent, Path("runs/figures")
 JSON, BESIDE = HERE / "figures.json", "Beside others"
 BEGIN, END = "<!-- made of benchmarks/figures.json -->", "<!-- end -->"
-INTRODUCTION = f"""# Figures
-
-{BEGIN}
-
-What was measured, with its data, commit and date. In brackets: lowest to highest home or run, or a 95 %
-interval. *Tuned on* data had a say in some rule or weight, so its figures flatter. Rendered homes are synthetic.
-`make figures` measures again where the data is here, and `benchmarks/figures.json` holds the command of each;
-[evaluation](evaluation.md) explains the terms, and with the [benchmark](benchmark.md) you measure another system.
-The [data](#data) is described at the end.
-"""
 
 
 def commands() -> dict[str, Row]:
@@ -112,36 +102,26 @@ def main(
 
 def pages(rows: list[Row]) -> dict[Path, str]:
     """The texts that are made of the figures, by file."""
-    root = HERE.parent
-    tables = list(dict.fromkeys(row["table"] for row in rows if row["table"] not in (BESIDE, "Benchmark")))
-    parts = [
-        f"\n## {table}\n\n" + _table([row for row in rows if row["table"] == table], names=True) for table in tables
-    ]
-    charts = (
-        f"\n## By home\n\n![F1 and drift of each home](figures-homes.svg)\n\n## {BESIDE}\n\n"
-        "Bars to the right: edgemap is better by that factor. The same data on both sides of a row.\n\n"
-        "![edgemap beside other programs](figures-peers.svg)\n\n## Data\n\n"
-    )
+    root, chosen = HERE.parent, {"README.md": README_ROWS, "docs/benchmark.md": LEADERBOARD}
+    listed = [row for row in rows if row["table"] not in (BESIDE, "Benchmark")]
+    parts = dict.fromkeys(row["table"] for row in listed)
+    tables = {table: _table([row for row in rows if row["table"] == table], names=True) for table in parts}
     about: dict[str, list[str]] = {}
-    for name, _, words in dict.fromkeys(row["data"].partition(", ") for row in rows if row["table"] in tables):
+    for name, _, words in dict.fromkeys(row["data"].partition(", ") for row in listed):
         about.setdefault(name, []).append(words)
-    charts += "".join(f"- {name}: {'; '.join(words)}.\n" for name, words in about.items() if any(words))
-    chosen = {root / "README.md": README_ROWS, root / "docs" / "benchmark.md": LEADERBOARD}
-    within = {
-        path: _within(path.read_text(), [row for row in rows if row["figure"] in names])
-        for path, names in chosen.items()
-    }
-    return within | {
-        root / "docs" / "figures.md": INTRODUCTION + "".join(parts) + charts,
+    tables["Data"] = "".join(f"- {name}: {'; '.join(words)}.\n" for name, words in about.items() if any(words))
+    texts = {path: _table([row for row in rows if row["figure"] in names]) for path, names in chosen.items()}
+    texts["docs/figures.md"] = "\n".join(f"## {table}\n\n{text}" for table, text in tables.items())
+    return {root / path: _within((root / path).read_text(), text) for path, text in texts.items()} | {
         root / "docs" / "figures-homes.svg": _homes([row for row in rows if "by" in row]),
         root / "docs" / "figures-peers.svg": _peers([row for row in rows if row["table"] == BESIDE]),
     }
 
 
-def _within(text: str, rows: list[Row]) -> str:
-    """A page with its table made again."""
-    before, _, rest = text.partition(BEGIN)
-    return f"{before}{BEGIN}\n\n{_table(rows)}\n{END}{rest.partition(END)[2]}"
+def _within(page: str, text: str) -> str:
+    """A page with the part that is made of the figures made again."""
+    before, _, rest = page.partition(BEGIN)
+    return f"{before}{BEGIN}\n\n{text}\n{END}{rest.partition(END)[2]}"
 
 
 README_ROWS = (
