@@ -5,6 +5,7 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -30,13 +31,7 @@ from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, StepResult, bui
 
 def remembering(bundle: Bundle) -> Bundle:
     """The bundle with a backbone that gives its last outputs again for the same picture."""
-    opened: dict[int, Network] = {}
-
-    def reopen(rows: int) -> Network:
-        if rows not in opened:
-            opened[rows] = _remembering(bundle.reopen(rows))
-        return opened[rows]
-
+    reopen = cache(lambda rows: _remembering(bundle.reopen(rows)))
     return replace(bundle, backbone=_remembering(bundle.backbone), reopen=reopen)
 
 
@@ -110,11 +105,8 @@ def room_figures(
 
 def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
     """The drive's objects, each with the number of frames in which it is visible: by boxes.json where there is one."""
-    seen: Counter[str] = Counter()
-    for boxes in drive.boxes[:frames]:
-        seen.update(boxes.visible_ids())
-    frames_seen = seen if drive.boxes else None
-    return [true_object(item, frames_seen) for item in drive.objects]
+    seen = Counter(identity for boxes in drive.boxes[:frames] for identity in boxes.visible_ids())
+    return [true_object(item, seen if drive.boxes else None) for item in drive.objects]
 
 
 def true_object(record: Mapping[str, Any], seen: Mapping[str, int] | None = None) -> TrueObject:

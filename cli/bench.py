@@ -40,6 +40,7 @@ def command(
     Compare two builds only within one run, as a ratio, on a quiet
     machine.
     """
+    import resource
     import time
 
     import psutil
@@ -73,7 +74,7 @@ def command(
         )
         decode_ms = 1e3 * (time.perf_counter() - start) / max(1, decoded)
     legs = {f"{hz:g}": bench.measure(open_drive, seconds, hz) for hz in rate}
-    peak_rss_mb = bench.peak_rss_mb()
+    peak_rss_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     files = network.load(source.camera)
     legs["unpaced"] = bench.measure(lambda: open_drive(files), seconds)
     lead, unpaced = legs[f"{rate[0]:g}"], legs["unpaced"]
