@@ -6,19 +6,19 @@ robot, whose picture is decoded as a USB camera's.
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
-from itertools import islice
+from itertools import cycle, islice
 from typing import Any
 
 import cv2
 import numpy as np
 import psutil
 
-from edgemap.runtime.frames.camera import Camera, next_frame
+from edgemap.runtime.frames.camera import Camera, FileCamera, Shot, next_frame
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch, percentiles
-from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 from edgemap.runtime.inputs.drives.pictures import decode_picture
 from edgemap.runtime.step.slam import SemanticSlam
 
@@ -145,32 +145,26 @@ PICTURES = 16  # that differ, in turn
 FALL_ASLEEP_S = 3.0  # before the clock starts
 
 
-class StandingCamera(CameraAround):
+def standing_camera(camera: Camera, rate_hz: float) -> FileCamera:
     """The first picture of a camera for ever, each time with other noise and as a JPEG that is decoded, as a USB
     camera delivers it; no wheels and no IMU. Raises CameraError where there is no first picture.
     """
-
-    def __init__(self, camera: Camera, rate_hz: float) -> None:
-        super().__init__(camera)
-        self.update_info(wheel=None, imu=None)
+    info = replace(camera.info, wheel=None, imu=None)
+    with camera:
         first = next_frame(camera, lambda _: None)
-        if first is None:
-            raise CameraError(f"{camera.info.name}: no frames")
-        random = np.random.default_rng(0)
-        noisy = (first.image + random.normal(0.0, NOISE, first.image.shape) for _ in range(PICTURES))
-        self._jpegs = [cv2.imencode(".jpg", np.clip(one, 0, 255).astype(np.uint8))[1].tobytes() for one in noisy]
-        self._rate_hz, self._start_s = rate_hz, first.stamp_s
-
-    def read(self) -> Frame:
-        """The next one; there is always one."""
-        image = decode_picture(self._jpegs[self._delivered % PICTURES], self.info.name)
-        return self.frame(image, self._start_s + self._delivered / self._rate_hz, self.info.name)
+    if first is None:
+        raise CameraError(f"{info.name}: no frames")
+    random, start_s = np.random.default_rng(0), first.stamp_s
+    noisy = (first.image + random.normal(0.0, NOISE, first.image.shape) for _ in range(PICTURES))
+    jpegs = [cv2.imencode(".jpg", np.clip(one, 0, 255).astype(np.uint8))[1].tobytes() for one in noisy]
+    pictures = (decode_picture(jpeg, info.name) for jpeg in cycle(jpegs))
+    return FileCamera(info, (Shot(image, start_s + row / rate_hz, info.name) for row, image in enumerate(pictures)))
 
 
 def measure_at_rest(open_standing: OpenDrive, seconds: float, rate_hz: float) -> dict[str, Any]:
     """Processor time at rest: `cpu_percent` (of one core) and `cpu_ms_per_frame` of the step, with the decoding of the
     picture in `cpu_percent_with_decoding`; frames at rest while the clock ran. open_standing: a drive of a
-    `StandingCamera`."""
+    `standing_camera`."""
     found = measure(open_standing, seconds, rate_hz, warm_up=round(FALL_ASLEEP_S * rate_hz))
     kept = {key: found[key] for key in ("frames", "at_rest", "cpu_ms_per_frame", "cpu_percent", "stages_cpu_ms")}
     camera, _ = open_standing()
