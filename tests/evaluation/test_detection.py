@@ -17,11 +17,9 @@ NAMES = ("chair", "couch")
 TRUE = np.array([[10.0, 10.0, 50.0, 50.0], [60.0, 60.0, 90.0, 90.0]])
 
 
-def picture(boxes, labels, scores, true=TRUE, true_labels=(0, 0)):
-    return ScoredPicture(
-        true, np.array(true_labels), np.array(boxes, float).reshape(-1, 4), np.array(labels, int),
-        np.array(scores), np.ones(len(true), bool),
-    )  # fmt: skip
+def picture(boxes, labels, scores, true=TRUE, true_labels=(0, 0), scored=True):
+    boxes, scored = np.array(boxes, float).reshape(-1, 4), np.full(len(true), scored)
+    return ScoredPicture(true, np.array(true_labels), boxes, np.array(labels, int), np.array(scores), scored)
 
 
 @pytest.mark.parametrize(
@@ -53,19 +51,14 @@ def test_pictures_without_true_boxes_are_an_error():
 
 def test_an_ignored_box_is_neither_right_nor_wrong():
     # Half of the truth is ignored: finding the other half is perfect, and boxes on the ignored one cost nothing.
-    half = np.array([True, False])
-    one = ScoredPicture(TRUE, np.array([0, 0]), TRUE[:1], np.array([0]), np.array([0.5]), half)
-    both = ScoredPicture(TRUE, np.array([0, 0]), TRUE[::-1], np.array([0, 0]), np.array([0.9, 0.5]), half)
+    half = [True, False]
+    one, both = (picture(TRUE[:1], [0], [0.5], scored=half), picture(TRUE[::-1], [0, 0], [0.9, 0.5], scored=half))
     for case in (one, both):
         figures = average_precision([case], NAMES)
         assert (figures["ap50"], figures["boxes_true"], figures["boxes_ignored"]) == (1.0, 1, 1)
-    nobody = ScoredPicture(TRUE, np.array([0, 0]), TRUE, np.array([0, 0]), np.array([0.9, 0.5]), half & ~half)
     with pytest.raises(EvaluationError, match="no true boxes"):
-        average_precision([nobody], NAMES)
-    seen = ScoredPicture(
-        TRUE, np.array([0, 0]), np.array([[60.0, 60, 80, 80]]), np.array([0]), np.array([0.9]),
-        np.array([True, False]),
-    )  # fmt: skip
+        average_precision([picture(TRUE, [0, 0], [0.9, 0.5], scored=False)], NAMES)
+    seen = picture([[60.0, 60, 80, 80]], [0], [0.9], scored=half)
     point = operating_point([seen], NAMES)
     assert (point["precision"], point["recall"]) == (None, 0.0)
 
