@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M
+from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M, score_grid
 from edgemap.evaluation.objects import TrueObject
 from edgemap.evaluation.rooms import TruePlan, score_rooms
 from edgemap.geometry.camera.floor import FloorCamera
@@ -75,32 +75,26 @@ def replayed(
     return slams
 
 
-def true_plan(drive: Drive) -> TruePlan | None:
-    """The drive's floor plan, where it has one. What hangs high over the floor, or is flat, is no obstacle. Raises
-    CameraError."""
-    plan = read_floor_plan(drive.folder)
-    if plan is None:
-        return None
-    standing = [item for item in plan.footprints if item.low_m <= OVERHEAD_M and item.high_m > FLAT_M]
-    rooms, doorways, walls, footprints = (
-        [np.array(area.corners_m) for area in areas] for areas in (plan.rooms, plan.doorways, plan.walls, standing)
-    )
-    return TruePlan(rooms, [room.kind for room in plan.rooms], doorways, walls, footprints)
-
-
-def room_figures(
+def plan_figures(
     objects: Sequence[MapObject],
     annotations: Annotations,
     grid: OccupancyGrid | None,
     drive: Drive,
     frames: int | None = None,
 ) -> dict[str, Any]:
-    """Rooms and doors of a map against the drive's floor plan; empty where it has none. Raises CameraError."""
-    truth = true_plan(drive)
-    if truth is None or drive.truth is None or drive.intrinsics is None:
+    """Floor (`grid`), `rooms` and `doors` of a map against the drive's floor plan; empty where it has none. What hangs
+    high over the floor, or is flat, is no obstacle. Raises CameraError."""
+    plan = read_floor_plan(drive.folder)
+    if plan is None or drive.truth is None or drive.intrinsics is None:
         return {}
+    standing = [item for item in plan.footprints if item.low_m <= OVERHEAD_M and item.high_m > FLAT_M]
+    rooms, doorways, walls, footprints = (
+        [np.array(area.corners_m) for area in areas] for areas in (plan.rooms, plan.doorways, plan.walls, standing)
+    )
+    truth = TruePlan(rooms, [room.kind for room in plan.rooms], doorways, walls, footprints)
     view_rad = 2.0 * math.atan(drive.intrinsics.width / 2.0 / drive.intrinsics.fx)
-    return score_rooms(*rooms_of(objects, annotations, grid), truth, drive.truth.poses[:frames], view_rad)
+    mapped = rooms_of(objects, annotations, grid)
+    return {"grid": score_grid(grid, truth)} | score_rooms(*mapped, truth, drive.truth.poses[:frames], view_rad)
 
 
 def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:

@@ -19,7 +19,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from edgemap.benchmarks.map_variants import replayed, room_figures, true_objects
+from edgemap.benchmarks.map_variants import plan_figures, replayed, true_objects
 from edgemap.benchmarks.walks import summary
 from edgemap.evaluation.footprints import score_footprints
 from edgemap.evaluation.objects import score_map, scored
@@ -156,7 +156,7 @@ def _scored(folder: Path, bundle: Bundle, variants: dict[str, SlamOptions], fram
     mount, maps = drive.mount, dict[str, dict[str, Any]]()
     for name, slam in replayed(drive, bundle, variants, frames).items():
         objects = slam.objects()
-        found = room_figures(objects, slam.mapper.annotations(), slam.mapper.grid.grid(), drive, frames)
+        found = plan_figures(objects, slam.mapper.annotations(), slam.mapper.grid.grid(), drive, frames)
         areas = {key: found.get(kind, {}).get(figure) for key, (kind, figure) in AREAS.items()}
         maps[name] = score_map(objects, truth) | areas
         if footprint := score_footprints(objects, truth):

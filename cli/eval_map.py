@@ -51,10 +51,9 @@ def command(
     footprints that overlap by an IoU of 0.25, mean IoU of objects found, and the median error of the yaw of couches,
     beds, tables and refrigerators.
     """
-    from edgemap.benchmarks.map_variants import replayed, room_figures, true_objects, true_plan
+    from edgemap.benchmarks.map_variants import plan_figures, replayed, true_objects
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.footprints import score_footprints
-    from edgemap.evaluation.grid import score_grid
     from edgemap.evaluation.map_alignment import aligned_figures
     from edgemap.evaluation.objects import score_map, scored
     from edgemap.evaluation.trajectory import path_m
@@ -72,7 +71,7 @@ def command(
         drive = replace(drive, depth=()) if without_depth else drive
         if not drive.objects or drive.truth is None or drive.mount is None:
             raise CameraError(f"{data}: eval map needs true poses, a mount and objects.json")
-        truth, plan = true_objects(drive, frames), true_plan(drive)
+        truth = true_objects(drive, frames)
         wanted = scored(truth)
         count = min(frames or len(drive.stamps_s), len(drive.stamps_s))
         poses = drive.truth.poses[:count]
@@ -106,13 +105,11 @@ def command(
         if motion.odometry == "hybrid" and document["wheels"]:
             variants["without_wheels"] = replace(options, wheels=False)
         for name, slam in replayed(drive, loaded, variants, count, tuned).items():
-            objects, grid = slam.objects(), slam.mapper.grid.grid()
+            objects = slam.objects()
             document[name] = score_map(objects, truth) | aligned_figures(objects, truth)
             if footprint := score_footprints(objects, truth):
                 document[name]["footprint"] = footprint
-            if plan is not None:
-                rooms = room_figures(objects, slam.mapper.annotations(), grid, drive, count)
-                document[name] |= {"grid": score_grid(grid, plan)} | rooms
+            document[name] |= plan_figures(objects, slam.mapper.annotations(), slam.mapper.grid.grid(), drive, count)
             if plot:
                 from edgemap.plots.charts import plot_reliability
                 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
