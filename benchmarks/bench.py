@@ -5,6 +5,7 @@ robot, whose picture is decoded as a USB camera's.
 """
 
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -56,8 +57,7 @@ def measure(
     at_rest: frames of a robot that stands. searched_hz: pictures a second whose boxes came. other_cpu_percent: of one
     core, what other programs and the host took meanwhile.
     """
-    totals: list[float] = []
-    stages: dict[str, list[float]] = {}
+    totals, stages = list[float](), defaultdict[str, list[float]](list)
     wall_s = cpu_s = other_s = 0.0
     warm = at_rest = searched = 0
     Stopwatch.processor_time = rate_hz is not None
@@ -77,7 +77,7 @@ def measure(
             searched += result.observed.searched
             totals.append((time.perf_counter() - before) * 1e3)
             for stage, stage_ms in result.stages_ms.items():
-                stages.setdefault(stage, []).append(stage_ms)
+                stages[stage].append(stage_ms)
         if rate_hz is not None:
             time.sleep(max(0.0, start + len(frames) / rate_hz - time.perf_counter()))
         spent = time.process_time() - own
@@ -110,8 +110,7 @@ def in_turn(
     """Median wall time, and processor time of all threads, ms, of calls that run in turn, every second round
     backwards; the first two rounds do not count. rest_s: after each call, so that its spinning threads do not slow the
     next one; their use of it is counted."""
-    wall: dict[str, list[float]] = {}
-    cpu: dict[str, list[float]] = {}
+    laps_ms = defaultdict[str, list[tuple[float, float]]](list)
     for number, calls in enumerate(rounds):
         for name, call in list(calls.items())[:: 1 if number % 2 else -1]:
             spent, before = time.process_time(), time.perf_counter()
@@ -119,9 +118,8 @@ def in_turn(
             took = time.perf_counter() - before
             time.sleep(rest_s)
             if number >= 2:
-                wall.setdefault(name, []).append(1e3 * took)
-                cpu.setdefault(name, []).append(1e3 * (time.process_time() - spent))
-    return {name: (float(np.median(laps)), float(np.median(cpu[name]))) for name, laps in wall.items()}
+                laps_ms[name].append((1e3 * took, 1e3 * (time.process_time() - spent)))
+    return {name: tuple(np.median(laps, axis=0).tolist()) for name, laps in laps_ms.items()}
 
 
 def soak(open_drive: OpenDrive, minutes: float, rate_hz: float) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import tomllib
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from html import escape
+from itertools import count
 from pathlib import Path
 from string import Template
 from typing import Annotated, Any
@@ -186,14 +187,9 @@ def _homes(rows: list[Row]) -> str:
 
 def _peers(rows: list[Row]) -> str:
     """A bar a comparison: by which factor edgemap is better, or worse."""
-    parts, y = (
-        [
-            _text(420, 14, "equal", "m", "middle"),
-            f'<line class="g" x1="420" x2="420" y1="20" y2="{20 + 44 * len(rows)}"/>',
-        ],
-        40.0,
-    )
-    for row in rows:
+    parts = [_text(420, 14, "equal", "m", "middle")]
+    parts.append(f'<line class="g" x1="420" x2="420" y1="20" y2="{20 + 44 * len(rows)}"/>')
+    for y, row in zip(count(40.0, 44.0), rows, strict=False):
         gain = row["peer"] / row["value"] if row["lower_is_better"] else row["value"] / row["peer"]
         end = 420 + 80 * math.log2(gain)
         left, kind = min(end, 420.0), "a" if gain >= 1.0 else "b"
@@ -201,8 +197,7 @@ def _peers(rows: list[Row]) -> str:
         parts.append(_text(0, y - 4, row["figure"].strip()))
         parts.append(_text(0, y + 12, f"{row['value']:g}; {row['peer_name']}: {row['peer']:g}", "m"))
         parts.append(_text(max(end, 420) + 8, y, f"{gain:.2f}", "m"))
-        y += 44
-    return _svg(640, round(y), "edgemap beside other programs", parts)
+    return _svg(640, 40 + 44 * len(rows), "edgemap beside other programs", parts)
 
 
 if __name__ == "__main__":
