@@ -1,6 +1,5 @@
 """An odometry on drives with true poses: what `edgemap eval odometry` and the paper's tables are made of."""
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import degrees, inf
@@ -146,5 +145,4 @@ def together(drives: dict[str, ScoredDrive]) -> dict[str, Any]:
 def sequence_names(specs: Sequence[str]) -> list[str]:
     """A short name of each: the folder's or file's own, the whole SPEC where two would be the same."""
     short = [spec if spec.startswith("sim:") else Path(spec.partition(":")[2] or spec).name or spec for spec in specs]
-    times = Counter(short)
-    return [name if times[name] == 1 else spec for name, spec in zip(short, specs, strict=True)]
+    return [name if short.count(name) == 1 else spec for name, spec in zip(short, specs, strict=True)]

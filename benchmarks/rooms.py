@@ -142,12 +142,8 @@ def over_homes(rows: list[dict[str, Any]], variant: str) -> dict[str, dict[str, 
 
 def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float]:
     """Gain in F1 by loop closure, per home."""
-    both = {row["home"]: (row["maps"].get(closed), row["maps"].get(none)) for row in rows}
-    return {
-        home: round(a["f1"] - b["f1"], 4)
-        for home, (a, b) in both.items()
-        if a and b and a["f1"] is not None and b["f1"] is not None
-    }
+    both = ((row["home"], *(row["maps"].get(name, {}).get("f1") for name in (closed, none))) for row in rows)
+    return {home: round(a - b, 4) for home, a, b in both if a is not None and b is not None}
 
 
 def _scored(folder: Path, bundle: Bundle, variants: dict[str, SlamOptions], frames: int) -> dict[str, Any]:

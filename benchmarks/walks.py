@@ -118,11 +118,9 @@ def summary(
 ) -> dict[str, dict[str, float | None]]:
     """Means over runs or homes, and the worst of each figure: the lowest share, the scale farthest from 1, else the
     largest. Null figures are left out."""
-    known = {key: [row[key] for row in rows if row[key] is not None] for key in names}
-    values = {key: np.array(found, dtype=float) for key, found in known.items()}
-    means = {key: mean(found) for key, found in values.items()}
-    worst = {key: _worst(key, found) for key, found in values.items()}
-    return {"mean": means, "worst": worst}
+    known = {key: np.array([row[key] for row in rows if row[key] is not None], dtype=float) for key in names}
+    worst = {key: _worst(key, values) for key, values in known.items()}
+    return {"mean": {key: mean(values) for key, values in known.items()}, "worst": worst}
 
 
 def table(name: str, found: dict[str, Any]) -> list[str]:

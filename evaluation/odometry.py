@@ -89,16 +89,14 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
     are consistent, and null without them; `window_nees`, by seconds, is that of motions summed over such a time, null
     where none fits. `still`: what is estimated while the base stands still, null where it never does.
     """
-    segments: dict[float, Array] = {}
-    for length in sorted({length for drive in drives for length in drive.segments}):
-        segments[length] = np.vstack([d.segments[length] for d in drives if length in d.segments])
+    lengths = sorted({length for drive in drives for length in drive.segments})
+    segments = {length: np.vstack([d.segments[length] for d in drives if length in d.segments]) for length in lengths}
     relative = {length: errors / length for length, errors in segments.items()}
     every = np.vstack([*relative.values(), np.zeros((0, 2))])
     steps, from_start = (np.vstack([getattr(d, name) for d in drives]) for name in ("steps", "from_start"))
     forward, left, yaw = (float(value) for value in np.sqrt((steps**2).mean(axis=0)))
-    nees, windows = np.concatenate([drive.nees for drive in drives]), dict[str, float | None]()
-    for length_s in WINDOWS_S:
-        windows[f"{length_s:g}"] = mean(np.concatenate([drive.window_nees[length_s] for drive in drives]))
+    nees = np.concatenate([drive.nees for drive in drives])
+    windows = {length_s: np.concatenate([drive.window_nees[length_s] for drive in drives]) for length_s in WINDOWS_S}
     still = np.vstack([drive.still for drive in drives])
     return {
         "frames": len(from_start),
@@ -116,7 +114,7 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
         "paper_rmse_yaw_rad": _rms(from_start[:, 2]),
         "nees": mean(nees),
         "nees_median": float(np.median(nees)) if len(nees) else None,
-        "window_nees": windows,
+        "window_nees": {f"{length_s:g}": mean(errors) for length_s, errors in windows.items()},
         "still": {
             "frames": len(still),
             "cm_per_frame": _mean_and_max(100.0 * still[:, 0]),
