@@ -73,6 +73,8 @@ def score_drive(
     Raises CameraError for data, OdometryError for an odometry that is not available, or data without truth or mount, or
     with fewer than two frames.
     """
+    # Prints what the drive's reader leaves out, too: a camera only keeps such notes.
+    full = open_drive(spec).full_poses if spec.partition(":")[0] in READERS else None
     with open_camera(spec, CameraOptions(depth=selection.depth)) as camera:
         truth, mount = camera.info.truth, camera.info.mount or selection.mount
         if truth is None:
@@ -108,7 +110,6 @@ def score_drive(
         **figures([errors]),
         "attitude": attitude_errors(observed, known, mount.height_m),
     }
-    full = open_drive(spec).full_poses if spec.partition(":")[0] in READERS else None
     if full is not None:
         chosen = full[selection.first :: selection.every][: len(true)]
         document["planar_fit"] = planar_fit(chosen, lengths)
