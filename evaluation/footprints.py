@@ -34,7 +34,7 @@ def score_footprints(objects: Sequence[MapObject], truth: Sequence[TrueObject]) 
     # A true object that does not count takes a mapped one only where none that counts does.
     pairs = linear_sum_assignment(-np.where(shares >= LEAST_IOU, shares + 10.0 * counts, 0.0))
     taken = counts[pairs[1]][shares[pairs] >= LEAST_IOU]
-    right, wanted = int(taken.sum()), int(counts.sum()) + len(objects) - int((~taken).sum())
+    right, mapped = int(taken.sum()), len(objects) - int((~taken).sum())
     found = pairs_within(np.where(counts, apart_m, np.inf), FOUND_M)
     judged = [(objects[a], with_area[b]) for a, b in zip(*found, strict=True) if objects[a].label in JUDGED]
     errors = [
@@ -43,7 +43,7 @@ def score_footprints(objects: Sequence[MapObject], truth: Sequence[TrueObject]) 
         if item.footprint.yaw_rad is not None
     ]
     return {
-        "f1_iou25": share(2 * right, wanted),
+        "f1_iou25": share(2 * right, mapped + int(counts.sum())),
         "mean_iou": round(float(shares[found].mean()), 4) if len(found[0]) else None,
         "yaw_error_deg": round(float(np.median(errors)), 2) if errors else None,
         "yaw_errors_deg": [round(error, 2) for error in sorted(errors)],
