@@ -19,11 +19,11 @@ import tyro
 
 from edgemap.benchmarks.boots import NEAR_M
 from edgemap.evaluation.objects import TrueObject
-from edgemap.geometry.arrays import Array
-from edgemap.geometry.grid.rooms import inside
+from edgemap.geometry.grid.rooms import Room
+from edgemap.geometry.map_object import as_places
+from edgemap.geometry.objects.rooms import room_at, shared_m2
 
 Question = tuple[str, dict[str, Any], list[tuple[float, float]]]  # tool, arguments, right places
-CELL_M = 0.1  # in which rooms are compared
 
 
 def main(homes: tyro.conf.Positional[tuple[Path, ...]], bundle: str = "edgemap-nano", questions: int = 100) -> None:
@@ -57,7 +57,7 @@ async def asked(home: Path, bundle: str, count: int) -> Counter[str]:
     with tempfile.TemporaryDirectory() as folder:
         grid, plan = slam.mapper.grid.grid(), read_floor_plan(home)
         save_map(Path(folder) / "map.json", slam.objects(), slam.mapper.annotations(), grid)
-        true_rooms = [np.array(room.corners_m) for room in plan.rooms] if plan else []
+        true_rooms = [Room("", as_places(room.corners_m)) for room in plan.rooms] if plan else []
         async with Client(server(open_source(folder))) as client:
             for tool, arguments, places in questions(truth, count):
                 within = {} if tool == "room_of" else {"within_m": NEAR_M}
@@ -98,17 +98,13 @@ def verdict(rows: list[dict[str, Any]], places: list[tuple[float, float]]) -> st
     return "right" if min(dist((rows[0]["x_m"], rows[0]["y_m"]), at) for at in places) <= NEAR_M else "wrong"
 
 
-def room_verdict(rows: list[dict[str, Any] | None], at: tuple[float, float], true_rooms: list[Array]) -> str:
-    """right, wrong or unknown, by the first answer. at: the true object. true_rooms: corners (K, 2) of each."""
+def room_verdict(rows: list[dict[str, Any] | None], at: tuple[float, float], true_rooms: list[Room]) -> str:
+    """right, wrong or unknown, by the first answer. at: the true object."""
     if not rows or rows[0] is None:
         return "unknown"
-    corners = np.array(rows[0]["corners_m"])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    points = np.stack(np.meshgrid(*(np.arange(a, b, CELL_M) for a, b in zip(low, high, strict=True))), axis=-1)
-    mine = inside(corners, points)
-    shares = [int((mine & inside(room, points)).sum()) for room in true_rooms]
-    there = [bool(inside(room, np.array(at)[None])[0]) for room in true_rooms]
-    return "right" if there[int(np.argmax(shares))] else "wrong"
+    here = Room("", as_places(rows[0]["corners_m"]))
+    best = max(true_rooms, key=lambda room: shared_m2(here, room))
+    return "right" if room_at([best], at) else "wrong"
 
 
 if __name__ == "__main__":

@@ -4,22 +4,22 @@ The step is what `run` drives, over the source's frames in order. Decoding is ou
 robot, whose picture is decoded as a USB camera's.
 """
 
-import resource
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
-from itertools import islice
+from itertools import cycle, islice
 from typing import Any
 
 import cv2
 import numpy as np
 import psutil
 
-from edgemap.runtime.frames.camera import Camera, next_frame
+from edgemap.runtime.frames.camera import Camera, FileCamera, Shot, next_frame
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.timing import Stopwatch, percentiles
-from edgemap.runtime.inputs.cameras.wrappers import CameraAround
 from edgemap.runtime.inputs.drives.pictures import decode_picture
 from edgemap.runtime.step.slam import SemanticSlam
 
@@ -57,8 +57,7 @@ def measure(
     at_rest: frames of a robot that stands. searched_hz: pictures a second whose boxes came. other_cpu_percent: of one
     core, what other programs and the host took meanwhile.
     """
-    totals: list[float] = []
-    stages: dict[str, list[float]] = {}
+    totals, stages = list[float](), defaultdict[str, list[float]](list)
     wall_s = cpu_s = other_s = 0.0
     warm = at_rest = searched = 0
     Stopwatch.processor_time = rate_hz is not None
@@ -78,7 +77,7 @@ def measure(
             searched += result.observed.searched
             totals.append((time.perf_counter() - before) * 1e3)
             for stage, stage_ms in result.stages_ms.items():
-                stages.setdefault(stage, []).append(stage_ms)
+                stages[stage].append(stage_ms)
         if rate_hz is not None:
             time.sleep(max(0.0, start + len(frames) / rate_hz - time.perf_counter()))
         spent = time.process_time() - own
@@ -111,8 +110,7 @@ def in_turn(
     """Median wall time, and processor time of all threads, ms, of calls that run in turn, every second round
     backwards; the first two rounds do not count. rest_s: after each call, so that its spinning threads do not slow the
     next one; their use of it is counted."""
-    wall: dict[str, list[float]] = {}
-    cpu: dict[str, list[float]] = {}
+    laps_ms = defaultdict[str, list[tuple[float, float]]](list)
     for number, calls in enumerate(rounds):
         for name, call in list(calls.items())[:: 1 if number % 2 else -1]:
             spent, before = time.process_time(), time.perf_counter()
@@ -120,9 +118,8 @@ def in_turn(
             took = time.perf_counter() - before
             time.sleep(rest_s)
             if number >= 2:
-                wall.setdefault(name, []).append(1e3 * took)
-                cpu.setdefault(name, []).append(1e3 * (time.process_time() - spent))
-    return {name: (float(np.median(laps)), float(np.median(cpu[name]))) for name, laps in wall.items()}
+                laps_ms[name].append((1e3 * took, 1e3 * (time.process_time() - spent)))
+    return {name: tuple(np.median(laps, axis=0).tolist()) for name, laps in laps_ms.items()}
 
 
 def soak(open_drive: OpenDrive, minutes: float, rate_hz: float) -> dict[str, Any]:
@@ -141,55 +138,38 @@ def _machine_s() -> float:
     return sum(times) - times.idle - getattr(times, "iowait", 0.0) - getattr(times, "guest", 0.0)
 
 
-def peak_rss_mb() -> float:
-    """The most memory that this process has held, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-
-
 NOISE = 2.0  # grey levels a pixel, standard deviation
 PICTURES = 16  # that differ, in turn
 FALL_ASLEEP_S = 3.0  # before the clock starts
 
 
-class StandingCamera(CameraAround):
+def standing_camera(camera: Camera, rate_hz: float) -> FileCamera:
     """The first picture of a camera for ever, each time with other noise and as a JPEG that is decoded, as a USB
     camera delivers it; no wheels and no IMU. Raises CameraError where there is no first picture.
     """
-
-    def __init__(self, camera: Camera, rate_hz: float) -> None:
-        super().__init__(camera)
-        self.update_info(wheel=None, imu=None)
+    info = replace(camera.info, wheel=None, imu=None)
+    with camera:
         first = next_frame(camera, lambda _: None)
-        if first is None:
-            raise CameraError(f"{camera.info.name}: no frames")
-        random = np.random.default_rng(0)
-        noisy = (first.image + random.normal(0.0, NOISE, first.image.shape) for _ in range(PICTURES))
-        self._jpegs = [cv2.imencode(".jpg", np.clip(one, 0, 255).astype(np.uint8))[1].tobytes() for one in noisy]
-        self._rate_hz, self._start_s, self._spent_s = rate_hz, first.stamp_s, 0.0
-
-    @property
-    def decode_ms(self) -> float:
-        """Processor time of one decoding, mean so far."""
-        return 1e3 * self._spent_s / max(1, self._delivered)
-
-    def read(self) -> Frame:
-        """The next one; there is always one."""
-        before = time.process_time()
-        image = decode_picture(self._jpegs[self._delivered % PICTURES], self.info.name)
-        self._spent_s += time.process_time() - before
-        return self.frame(image, self._start_s + self._delivered / self._rate_hz, self.info.name)
+    if first is None:
+        raise CameraError(f"{info.name}: no frames")
+    random, start_s = np.random.default_rng(0), first.stamp_s
+    noisy = (first.image + random.normal(0.0, NOISE, first.image.shape) for _ in range(PICTURES))
+    jpegs = [cv2.imencode(".jpg", np.clip(one, 0, 255).astype(np.uint8))[1].tobytes() for one in noisy]
+    pictures = (decode_picture(jpeg, info.name) for jpeg in cycle(jpegs))
+    return FileCamera(info, (Shot(image, start_s + row / rate_hz, info.name) for row, image in enumerate(pictures)))
 
 
 def measure_at_rest(open_standing: OpenDrive, seconds: float, rate_hz: float) -> dict[str, Any]:
     """Processor time at rest: `cpu_percent` (of one core) and `cpu_ms_per_frame` of the step, with the decoding of the
     picture in `cpu_percent_with_decoding`; frames at rest while the clock ran. open_standing: a drive of a
-    `StandingCamera`."""
+    `standing_camera`."""
     found = measure(open_standing, seconds, rate_hz, warm_up=round(FALL_ASLEEP_S * rate_hz))
     kept = {key: found[key] for key in ("frames", "at_rest", "cpu_ms_per_frame", "cpu_percent", "stages_cpu_ms")}
-    camera = open_standing()[0]
+    camera, _ = open_standing()
     with camera:
-        assert isinstance(camera, StandingCamera)
+        start = time.process_time()
         for _ in range(PICTURES):
             camera.read()
-        whole = found["cpu_percent"] + 0.1 * camera.decode_ms * rate_hz
-        return kept | {"decode_ms": round(camera.decode_ms, 3), "cpu_percent_with_decoding": round(whole, 1)}
+        decode_ms = 1e3 * (time.process_time() - start) / PICTURES
+    whole = found["cpu_percent"] + 0.1 * decode_ms * rate_hz
+    return kept | {"decode_ms": round(decode_ms, 3), "cpu_percent_with_decoding": round(whole, 1)}

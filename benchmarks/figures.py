@@ -16,6 +16,7 @@ import tomllib
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from html import escape
+from itertools import count
 from pathlib import Path
 from string import Template
 from typing import Annotated, Any
@@ -26,16 +27,6 @@ Row = dict[str, Any]
 HERE, OUT = Path(__file__).resolve().parent, Path("runs/figures")
 JSON, BESIDE = HERE / "figures.json", "Beside others"
 BEGIN, END = "<!-- made of benchmarks/figures.json -->", "<!-- end -->"
-INTRODUCTION = f"""# Figures
-
-{BEGIN}
-
-What was measured, with its data, commit and date. In brackets: lowest to highest home or run, or a 95 %
-interval. *Tuned on* data had a say in some rule or weight, so its figures flatter. Rendered homes are synthetic.
-`make figures` measures again where the data is here, and `benchmarks/figures.json` holds the command of each;
-[evaluation](evaluation.md) explains the terms, and with the [benchmark](benchmark.md) you measure another system.
-The [data](#data) is described at the end.
-"""
 
 
 def commands() -> dict[str, Row]:
@@ -112,36 +103,26 @@ def main(
 
 def pages(rows: list[Row]) -> dict[Path, str]:
     """The texts that are made of the figures, by file."""
-    root = HERE.parent
-    tables = list(dict.fromkeys(row["table"] for row in rows if row["table"] not in (BESIDE, "Benchmark")))
-    parts = [
-        f"\n## {table}\n\n" + _table([row for row in rows if row["table"] == table], names=True) for table in tables
-    ]
-    charts = (
-        f"\n## By home\n\n![F1 and drift of each home](figures-homes.svg)\n\n## {BESIDE}\n\n"
-        "Bars to the right: edgemap is better by that factor. The same data on both sides of a row.\n\n"
-        "![edgemap beside other programs](figures-peers.svg)\n\n## Data\n\n"
-    )
+    root, chosen = HERE.parent, {"README.md": README_ROWS, "docs/benchmark.md": LEADERBOARD}
+    listed = [row for row in rows if row["table"] not in (BESIDE, "Benchmark")]
+    parts = dict.fromkeys(row["table"] for row in listed)
+    tables = {table: _table([row for row in rows if row["table"] == table], names=True) for table in parts}
     about: dict[str, list[str]] = {}
-    for name, _, words in dict.fromkeys(row["data"].partition(", ") for row in rows if row["table"] in tables):
+    for name, _, words in dict.fromkeys(row["data"].partition(", ") for row in listed):
         about.setdefault(name, []).append(words)
-    charts += "".join(f"- {name}: {'; '.join(words)}.\n" for name, words in about.items() if any(words))
-    chosen = {root / "README.md": README_ROWS, root / "docs" / "benchmark.md": LEADERBOARD}
-    within = {
-        path: _within(path.read_text(), [row for row in rows if row["figure"] in names])
-        for path, names in chosen.items()
-    }
-    return within | {
-        root / "docs" / "figures.md": INTRODUCTION + "".join(parts) + charts,
+    tables["Data"] = "".join(f"- {name}: {'; '.join(words)}.\n" for name, words in about.items() if any(words))
+    texts = {path: _table([row for row in rows if row["figure"] in names]) for path, names in chosen.items()}
+    texts["docs/figures.md"] = "\n".join(f"## {table}\n\n{text}" for table, text in tables.items())
+    return {root / path: _within((root / path).read_text(), text) for path, text in texts.items()} | {
         root / "docs" / "figures-homes.svg": _homes([row for row in rows if "by" in row]),
         root / "docs" / "figures-peers.svg": _peers([row for row in rows if row["table"] == BESIDE]),
     }
 
 
-def _within(text: str, rows: list[Row]) -> str:
-    """A page with its table made again."""
-    before, _, rest = text.partition(BEGIN)
-    return f"{before}{BEGIN}\n\n{_table(rows)}\n{END}{rest.partition(END)[2]}"
+def _within(page: str, text: str) -> str:
+    """A page with the part that is made of the figures made again."""
+    before, _, rest = page.partition(BEGIN)
+    return f"{before}{BEGIN}\n\n{text}\n{END}{rest.partition(END)[2]}"
 
 
 README_ROWS = (
@@ -206,14 +187,9 @@ def _homes(rows: list[Row]) -> str:
 
 def _peers(rows: list[Row]) -> str:
     """A bar a comparison: by which factor edgemap is better, or worse."""
-    parts, y = (
-        [
-            _text(420, 14, "equal", "m", "middle"),
-            f'<line class="g" x1="420" x2="420" y1="20" y2="{20 + 44 * len(rows)}"/>',
-        ],
-        40.0,
-    )
-    for row in rows:
+    parts = [_text(420, 14, "equal", "m", "middle")]
+    parts.append(f'<line class="g" x1="420" x2="420" y1="20" y2="{20 + 44 * len(rows)}"/>')
+    for y, row in zip(count(40.0, 44.0), rows, strict=False):
         gain = row["peer"] / row["value"] if row["lower_is_better"] else row["value"] / row["peer"]
         end = 420 + 80 * math.log2(gain)
         left, kind = min(end, 420.0), "a" if gain >= 1.0 else "b"
@@ -221,8 +197,7 @@ def _peers(rows: list[Row]) -> str:
         parts.append(_text(0, y - 4, row["figure"].strip()))
         parts.append(_text(0, y + 12, f"{row['value']:g}; {row['peer_name']}: {row['peer']:g}", "m"))
         parts.append(_text(max(end, 420) + 8, y, f"{gain:.2f}", "m"))
-        y += 44
-    return _svg(640, round(y), "edgemap beside other programs", parts)
+    return _svg(640, 40 + 44 * len(rows), "edgemap beside other programs", parts)
 
 
 if __name__ == "__main__":

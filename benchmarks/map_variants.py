@@ -5,12 +5,13 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M
+from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M, score_grid
 from edgemap.evaluation.objects import TrueObject
 from edgemap.evaluation.rooms import TruePlan, score_rooms
 from edgemap.geometry.camera.floor import FloorCamera
@@ -30,13 +31,7 @@ from edgemap.runtime.step.slam import SemanticSlam, SlamOptions, StepResult, bui
 
 def remembering(bundle: Bundle) -> Bundle:
     """The bundle with a backbone that gives its last outputs again for the same picture."""
-    opened: dict[int, Network] = {}
-
-    def reopen(rows: int) -> Network:
-        if rows not in opened:
-            opened[rows] = _remembering(bundle.reopen(rows))
-        return opened[rows]
-
+    reopen = cache(lambda rows: _remembering(bundle.reopen(rows)))
     return replace(bundle, backbone=_remembering(bundle.backbone), reopen=reopen)
 
 
@@ -80,41 +75,32 @@ def replayed(
     return slams
 
 
-def true_plan(drive: Drive) -> TruePlan | None:
-    """The drive's floor plan, where it has one. What hangs high over the floor, or is flat, is no obstacle. Raises
-    CameraError."""
-    plan = read_floor_plan(drive.folder)
-    if plan is None:
-        return None
-    standing = [item for item in plan.footprints if item.low_m <= OVERHEAD_M and item.high_m > FLAT_M]
-    rooms, doorways, walls, footprints = (
-        [np.array(area.corners_m) for area in areas] for areas in (plan.rooms, plan.doorways, plan.walls, standing)
-    )
-    return TruePlan(rooms, [room.kind for room in plan.rooms], doorways, walls, footprints)
-
-
-def room_figures(
+def plan_figures(
     objects: Sequence[MapObject],
     annotations: Annotations,
     grid: OccupancyGrid | None,
     drive: Drive,
     frames: int | None = None,
 ) -> dict[str, Any]:
-    """Rooms and doors of a map against the drive's floor plan; empty where it has none. Raises CameraError."""
-    truth = true_plan(drive)
-    if truth is None or drive.truth is None or drive.intrinsics is None:
+    """Floor (`grid`), `rooms` and `doors` of a map against the drive's floor plan; empty where it has none. What hangs
+    high over the floor, or is flat, is no obstacle. Raises CameraError."""
+    plan = read_floor_plan(drive.folder)
+    if plan is None or drive.truth is None or drive.intrinsics is None:
         return {}
+    standing = [item for item in plan.footprints if item.low_m <= OVERHEAD_M and item.high_m > FLAT_M]
+    rooms, doorways, walls, footprints = (
+        [np.array(area.corners_m) for area in areas] for areas in (plan.rooms, plan.doorways, plan.walls, standing)
+    )
+    truth = TruePlan(rooms, [room.kind for room in plan.rooms], doorways, walls, footprints)
     view_rad = 2.0 * math.atan(drive.intrinsics.width / 2.0 / drive.intrinsics.fx)
-    return score_rooms(*rooms_of(objects, annotations, grid), truth, drive.truth.poses[:frames], view_rad)
+    mapped = rooms_of(objects, annotations, grid)
+    return {"grid": score_grid(grid, truth)} | score_rooms(*mapped, truth, drive.truth.poses[:frames], view_rad)
 
 
 def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
     """The drive's objects, each with the number of frames in which it is visible: by boxes.json where there is one."""
-    seen: Counter[str] = Counter()
-    for boxes in drive.boxes[:frames]:
-        seen.update(boxes.visible_ids())
-    frames_seen = seen if drive.boxes else None
-    return [true_object(item, frames_seen) for item in drive.objects]
+    seen = Counter(identity for boxes in drive.boxes[:frames] for identity in boxes.visible_ids())
+    return [true_object(item, seen if drive.boxes else None) for item in drive.objects]
 
 
 def true_object(record: Mapping[str, Any], seen: Mapping[str, int] | None = None) -> TrueObject:

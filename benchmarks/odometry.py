@@ -1,6 +1,5 @@
 """An odometry on drives with true poses: what `edgemap eval odometry` and the paper's tables are made of."""
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import degrees, inf
@@ -8,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edgemap.evaluation.odometry import (
     INDOOR_LENGTHS_M,
@@ -26,16 +24,14 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import Camera, CameraOptions
 from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.inputs.cameras.pictures import drive_camera
+from edgemap.runtime.frames.trajectory import AttitudeTrack
 from edgemap.runtime.inputs.drives import READERS, open_drive
 from edgemap.runtime.inputs.open import open_camera
-from edgemap.runtime.motion.attitude.estimator import open_attitude
-from edgemap.runtime.motion.odometry import open_odometry
 from edgemap.runtime.motion.rest import RestRule
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.frame_observations import FrameObservations
-from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.slam import SlamOptions, build_slam
 
 NO_REST = RestRule(shifted_px=-inf)  # what an odometry says of a robot that stands is judged as well
 OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
@@ -43,18 +39,16 @@ OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Frames and sensors of a drive that are evaluated: every `every`-th frame from `first` on, at most `frames`.
+    """Frames of a drive that are evaluated: every `every`-th frame from `first` on, at most `frames`.
 
-    lengths_m: of the segments; None for the kind's own. wheels, imu, depth: whether the data's own may be used. mount:
-    replaces the data's height and pitch, for the odometry and not for the truth. config: the step's tuned numbers.
+    lengths_m: of the segments; None for the kind's own. depth: whether the data's own may be used. mount: replaces the
+    data's height and pitch, for the odometry and not for the truth. config: the step's tuned numbers.
     """
 
     first: int = 0
     every: int = 1
     frames: int | None = None
     lengths_m: tuple[float, ...] | None = None
-    wheels: bool = True
-    imu: bool = True
     depth: bool = True
     mount: Mount | None = None
     config: Config = field(default_factory=Config)
@@ -72,15 +66,16 @@ class ScoredDrive:
 
 
 def score_drive(
-    spec: str, odometry: str, bundle: Bundle, selection: Selection, progress: Callable[[], object] = lambda: None
+    spec: str, how: SlamOptions, bundle: Bundle, selection: Selection, progress: Callable[[], object] = lambda: None
 ) -> ScoredDrive:
-    """Follow `KIND:DIR`, a recording, or `demo`, with the odometry of that SPEC. progress: called after each frame.
+    """Follow `KIND:DIR`, a recording, or `demo`, by the front end of a run. progress: called after each frame.
 
     Raises CameraError for data, OdometryError for an odometry that is not available, or data without truth or mount, or
     with fewer than two frames.
     """
-    camera, full = _open(spec, selection.depth)
-    with camera:
+    # Prints what the drive's reader leaves out, too: a camera only keeps such notes.
+    full = open_drive(spec).full_poses if spec.partition(":")[0] in READERS else None
+    with open_camera(spec, CameraOptions(depth=selection.depth)) as camera:
         truth, mount = camera.info.truth, camera.info.mount or selection.mount
         if truth is None:
             raise OdometryError(f"{spec} brings no true poses of its own to compare with")
@@ -89,16 +84,13 @@ def score_drive(
             raise OdometryError(f"{spec}: {missing} unknown: write it into its camera.yaml, or give --mount")
         if selection.mount is not None:
             mount = replace(mount, height_m=selection.mount.height_m, pitch_rad=selection.mount.pitch_rad)
-        if odometry == OWN_WHEELS and (camera.info.wheel is None or not selection.wheels):
+        if how.odometry == OWN_WHEELS and (camera.info.wheel is None or not how.wheels):
             raise OdometryError(f"{spec}: no wheel odometry comes with it")
-        floor, tuned = FloorCamera(camera.info.intrinsics, mount), selection.config
-        rules = tuned.odometry, tuned.health, tuned.attitude.check.tilt
-        motion = open_odometry(odometry, bundle, camera, floor, selection.wheels, *rules)
-        attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude, tuned.health, tuned.odometry)
-        pipeline = Pipeline(bundle, floor, motion, config=replace(tuned, rest=NO_REST), attitude=attitude)
+        floor, config = FloorCamera(camera.info.intrinsics, mount), replace(selection.config, rest=NO_REST)
+        front_end = build_slam(camera, bundle, floor, how, config).pipeline
         observed: list[FrameObservations] = []
         for frame in _chosen(camera, selection):
-            observed.append(pipeline.step(frame))
+            observed.append(front_end.step(frame))
             progress()
         if len(observed) < 2:
             first = selection.first
@@ -110,19 +102,26 @@ def score_drive(
     estimated = integrated([one.motion for one in motions])
     lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)
     errors = errors_of(true, estimated, np.array([one.covariance for one in motions]), lengths, stamps_s)
-    level = None if known is None else [known.at(stamp_s, mount.height_m) for stamp_s in stamps_s]
     document: dict[str, Any] = {
         "data": spec,
         "rate_hz": round(1.0 / float(np.median(np.diff(stamps_s))), 3),
         "mount": {"height_m": mount.height_m, "pitch_deg": round(degrees(mount.pitch_rad), 3)},
         "faults": sum(one.blind for one in motions),
         **figures([errors]),
-        "attitude": attitude_figures([one.camera.attitude if one.camera else None for one in observed], level),
+        "attitude": attitude_errors(observed, known, mount.height_m),
     }
     if full is not None:
         chosen = full[selection.first :: selection.every][: len(true)]
         document["planar_fit"] = planar_fit(chosen, lengths)
     return ScoredDrive(true, estimated, errors, document)
+
+
+def attitude_errors(
+    observed: Sequence[FrameObservations], known: AttitudeTrack | None, height_m: float
+) -> dict[str, Any]:
+    """Figures of the frames' attitudes, against the true ones where they are known. height_m: of the lens at first."""
+    true = None if known is None else [known.at(one.stamp_s, height_m) for one in observed]
+    return attitude_figures([one.camera.attitude if one.camera else None for one in observed], true)
 
 
 def _chosen(camera: Camera, selection: Selection) -> Iterator[Frame]:
@@ -147,12 +146,4 @@ def together(drives: dict[str, ScoredDrive]) -> dict[str, Any]:
 def sequence_names(specs: Sequence[str]) -> list[str]:
     """A short name of each: the folder's or file's own, the whole SPEC where two would be the same."""
     short = [spec if spec.startswith("sim:") else Path(spec.partition(":")[2] or spec).name or spec for spec in specs]
-    times = Counter(short)
-    return [name if times[name] == 1 else spec for name, spec in zip(short, specs, strict=True)]
-
-
-def _open(spec: str, depth: bool) -> tuple[Camera, NDArray[np.float64] | None]:
-    if spec.partition(":")[0] not in READERS:
-        return open_camera(spec, CameraOptions(depth=depth)), None
-    drive = open_drive(spec)
-    return drive_camera(drive if depth else replace(drive, depth=()), spec), drive.full_poses
+    return [name if short.count(name) == 1 else spec for name, spec in zip(short, specs, strict=True)]

@@ -7,7 +7,6 @@ DIR/paper_tables.json every figure, DIR/ways/ the ways over the true ones (the p
 
 import json
 import sys
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,6 +25,7 @@ from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
 from edgemap.runtime.network.engines import compute_at
 from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.step.slam import SlamOptions
 
 COUNTED = 100  # frames of each sequence in which detections are counted, as in the paper
 # Column to what it runs; the camera is alone in all but the last two.
@@ -52,10 +52,7 @@ def main(
         specs = [f"drive:{DEMO}" if spec == "demo" else spec for spec in data] or [
             f"drive:{home}" for home in rendered(seeds or "", frames, out / "drives")
         ]
-        names = [
-            name if spec != f"drive:{DEMO}" else "demo" for name, spec in zip(sequence_names(specs), specs, strict=True)
-        ]
-        document = measure(dict(zip(names, specs, strict=True)), loaded, frames, out)
+        document = measure(dict(zip(sequence_names(specs), specs, strict=True)), loaded, frames, out)
         out.mkdir(parents=True, exist_ok=True)
         (out / "paper_tables.json").write_text(json.dumps(document, indent=1) + "\n")
         (out / "paper_tables.md").write_text(page(document))
@@ -68,20 +65,22 @@ def measure(specs: dict[str, str], bundle: Bundle, frames: int | None, out: Path
     """All figures of the drives, by name. Draws their ways into `out`/ways/ where matplotlib is there."""
     scored: dict[str, dict[str, ScoredDrive]] = {}
     lacking: dict[str, str] = {}
+    head = bundle.manifest.odometry.get("paper")
+    if head is None or not head.trained:
+        lack = "the bundle has no paper head" if head is None else "the bundle's paper head is untrained"
+        lacking["paper head"] = lack
     for column, (odometry, wheels) in ODOMETRIES.items():
-        if not wheels and (reason := _lacks(bundle, odometry)):
-            lacking[column] = reason
+        if column in lacking:
             continue
         scored[column] = {}
         for name, spec in specs.items():
             if wheels and (spec.partition(":")[0] not in READERS or open_drive(spec).wheel is None):
                 continue
             print(f"{column}: {name}", file=sys.stderr, flush=True)
-            scored[column][name] = score_drive(spec, odometry, bundle, Selection(frames=frames, wheels=wheels))
+            scored[column][name] = score_drive(spec, SlamOptions(odometry, wheels), bundle, Selection(frames=frames))
         if not scored[column]:
             del scored[column]
             lacking[column] = "no wheel odometry in the data"
-    heads = bundle.manifest.odometry
     return {
         "bundle": bundle.manifest.name,
         "data": specs,
@@ -90,18 +89,10 @@ def measure(specs: dict[str, str], bundle: Bundle, frames: int | None, out: Path
         "odometry": {column: together(drives) for column, drives in scored.items()},
         "columns": list(ODOMETRIES),
         "lacking": lacking,
-        "parameters": {kind: head.parameters for kind, head in heads.items()},
+        "parameters": {kind: one.parameters for kind, one in bundle.manifest.odometry.items()},
         "ways": _ways(scored, out / "ways"),
         "threads": bundle.compute.threads,
     }
-
-
-def _lacks(bundle: Bundle, odometry: str) -> str:
-    """Why the bundle cannot do this odometry from its camera alone, empty where it can."""
-    head = bundle.manifest.odometry.get("paper")
-    if odometry != "paper" or (head is not None and head.trained):
-        return ""
-    return "the bundle has no paper head" if head is None else "the bundle's paper head is untrained"
 
 
 def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any] | None:
@@ -119,9 +110,10 @@ def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any]
         found = detector(image)
         pictures.append(ScoredPicture.compare(truth.boxes, truth.labels, truth.ignorable(), found, number))
     counted = counts_by_class(pictures)
-    by_class = {name: counted.get(number[name], Counts()) for name in sorted(bundle.mapped)}
-    counts = {"chair": by_class.get("chair", Counts()), "mapped": sum(by_class.values(), Counts())}
-    rows = {name: asdict(one) | {"missed": one.missed} for name, one in counts.items()}
+    rows = dict[str, dict[str, int]]()
+    for name, labels in (("chair", {"chair"} & bundle.mapped), ("mapped", bundle.mapped)):
+        one = sum((counted.get(number[label], Counts()) for label in labels), Counts())
+        rows[name] = {key: one[key] for key in ("true", "found", "false")} | {"missed": one["true"] - one["found"]}
     return {"frames": len(pictures), "score": bundle.manifest.confidence, **rows}
 
 

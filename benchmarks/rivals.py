@@ -108,8 +108,7 @@ def _yolov3(outputs: Sequence[NDArray[np.float32]], detector: DetectorSpec, conf
         xy = (_sigmoid(cells[:, :2]) * head.scale_xy - (head.scale_xy - 1) / 2 + np.stack([u, v], 1)) * head.strides[0]
         wh = np.exp(cells[:, 2:4]) * np.array(head.anchors, np.float32)[a]
         parts.append((np.concatenate([xy, wh], 1), objectness[a, v, u, None] * _sigmoid(cells[:, 5:])))
-    boxes, scores = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return _strong(boxes, scores, confidence)
+    return _strong(parts, confidence)
 
 
 def _yolox(outputs: Sequence[NDArray[np.float32]], detector: DetectorSpec, confidence: float) -> tuple:
@@ -121,7 +120,7 @@ def _yolox(outputs: Sequence[NDArray[np.float32]], detector: DetectorSpec, confi
         strides.append(np.full((u.size, 1), stride))
     grid, stride = np.concatenate(grids), np.concatenate(strides)
     boxes = np.concatenate([(rows[:, :2] + grid) * stride, np.exp(rows[:, 2:4]) * stride], 1)
-    return _strong(boxes, rows[:, 4:5] * rows[:, 5:], confidence)
+    return _strong([(boxes, rows[:, 4:5] * rows[:, 5:])], confidence)
 
 
 def _picodet(outputs: Sequence[NDArray[np.float32]], detector: DetectorSpec, confidence: float) -> tuple:
@@ -135,11 +134,12 @@ def _picodet(outputs: Sequence[NDArray[np.float32]], detector: DetectorSpec, con
         low = np.stack([u.ravel(), v.ravel()], 1) - sides[:, :2]
         size = sides[:, :2] + sides[:, 2:]
         parts.append((np.concatenate([low + size / 2, size], 1) * head.strides[0], _sigmoid(cells[:, :labels])))
+    return _strong(parts, confidence)
+
+
+def _strong(parts: list[tuple[NDArray, NDArray]], confidence: float) -> tuple:
+    """Boxes, scores and class ids of the cells whose best score suffices. parts: boxes (N, 4), scores (N, classes)."""
     boxes, scores = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return _strong(boxes, scores, confidence)
-
-
-def _strong(boxes: NDArray, scores: NDArray, confidence: float) -> tuple:
     classes = scores.argmax(1)
     best = scores[np.arange(len(scores)), classes]
     keep = best >= confidence

@@ -10,6 +10,7 @@ import hashlib
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from json import dumps, loads
 from math import degrees
 from pathlib import Path
@@ -18,7 +19,15 @@ from typing import Annotated, Any
 
 import tyro
 
+from edgemap.benchmarks.map_variants import plan_figures, replayed, true_objects
 from edgemap.benchmarks.walks import summary
+from edgemap.evaluation.footprints import score_footprints
+from edgemap.evaluation.objects import score_map, scored
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.open_bundle import open_bundle
+from edgemap.runtime.network.store import RENDERED, bundle_folder
+from edgemap.runtime.step.slam import SlamOptions
 
 FIGURES = ("f1", "precision", "recall", "median_error_m", "covered95", "anees", "ellipse_m2")
 AREAS = {
@@ -28,15 +37,15 @@ AREAS = {
     "doors_recall": ("doors", "recall"),
 }
 FOOTPRINT = ("f1_iou25", "mean_iou", "yaw_error_deg")
-# Name, odometry (None: the one asked for), wheels, loop closure, clustering.
+COLUMNS = (*FIGURES, *AREAS, *FOOTPRINT)
 VARIANTS = {
-    "true poses": ("truth", True, False, "default"),
-    "with wheels": (None, True, True, "default"),
-    "without wheels": (None, False, True, "default"),
-    "with wheels, no closure": (None, True, False, "default"),
-    "without wheels, no closure": (None, False, False, "default"),
-    "paper, true poses": ("truth", True, False, "paper"),
-    "paper, with wheels": (None, True, False, "paper"),
+    "true poses": SlamOptions("truth", loop_closure=False),
+    "with wheels": SlamOptions(),
+    "without wheels": SlamOptions(wheels=False),
+    "with wheels, no closure": SlamOptions(loop_closure=False),
+    "without wheels, no closure": SlamOptions(wheels=False, loop_closure=False),
+    "paper, true poses": SlamOptions("truth", loop_closure=False, clustering="paper"),
+    "paper, with wheels": SlamOptions(loop_closure=False, clustering="paper"),
 }
 CLOSURES = (("with wheels", "with wheels, no closure"), ("without wheels", "without wheels, no closure"))
 FROZEN_SEEDS, FROZEN_FRAMES = "9290:9300", 600
@@ -57,17 +66,13 @@ def main(
     """Render where needed, map, score, and print one table. data: drive folders that exist, or folders of them; then
     nothing is rendered. seeds: A:B, homes from A up to, not including, B. out: where rendered drives go. only: names of
     variants, all by default."""
-    from edgemap.runtime.network.open_bundle import open_bundle
-    from edgemap.runtime.network.store import RENDERED, bundle_folder
-    from edgemap.runtime.step.slam import SlamOptions
-
     if frozen:
         seeds, frames = FROZEN_SEEDS, FROZEN_FRAMES
     if unknown := sorted(set(only) - set(VARIANTS)):
         sys.exit(f"--only {', '.join(unknown)}: expected some of {', '.join(VARIANTS)}")
     variants = {
-        name: SlamOptions(own or odometry, wheels, loop_closure=closes, clustering=clustering)
-        for name, (own, wheels, closes, clustering) in VARIANTS.items()
+        name: how if how.odometry == "truth" else replace(how, odometry=odometry)
+        for name, how in VARIANTS.items()
         if name in (only or VARIANTS)
     }
     loaded = open_bundle(bundle_folder(bundle), RENDERED, pace="files")
@@ -93,12 +98,10 @@ def drives_in(folders: tuple[Path, ...]) -> list[Path]:
     """The drives that these folders are or hold, by name. Ends the program where one holds none."""
     found: list[Path] = []
     for folder in folders:
-        own = (
-            [folder] if (folder / "objects.json").is_file() else sorted(p.parent for p in folder.glob("*/objects.json"))
-        )
+        own = sorted(folder.glob("objects.json")) or sorted(folder.glob("*/objects.json"))
         if not own:
             sys.exit(f"{folder}: neither a drive with objects.json nor a folder of such drives")
-        found += own
+        found += [path.parent for path in own]
     return found
 
 
@@ -116,7 +119,7 @@ def check_sums(folder: Path) -> None:
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
     """Means and worst homes of every variant, a line each, and what loop closure gave at worst."""
-    lines = [f"{'':<28} {'':<5} " + " ".join(f"{key:>15}" for key in (*FIGURES, *AREAS, *FOOTPRINT))]
+    lines = [f"{'':<28} {'':<5} " + " ".join(f"{key:>15}" for key in COLUMNS)]
     for variant in rows[0]["maps"]:
         for kind, figures in over_homes(rows, variant).items():
             name = variant if kind == "mean" else ""
@@ -131,9 +134,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 def over_homes(rows: list[dict[str, Any]], variant: str) -> dict[str, dict[str, float | None]]:
     """Means over the homes of one variant, and every figure's worst home."""
     maps = [row["maps"][variant] for row in rows]
-    found = summary(
-        [dict.fromkeys(FOOTPRINT) | one | one.get("footprint", {}) for one in maps], (*FIGURES, *AREAS, *FOOTPRINT)
-    )
+    found = summary([dict.fromkeys(FOOTPRINT) | one | one.get("footprint", {}) for one in maps], COLUMNS)
     errors = [error for one in maps for error in one.get("footprint", {}).get("yaw_errors_deg", ())]
     found["mean"]["yaw_error_deg"] = median(errors) if errors else None  # of all objects: a home has a few
     return found
@@ -141,33 +142,23 @@ def over_homes(rows: list[dict[str, Any]], variant: str) -> dict[str, dict[str, 
 
 def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float]:
     """Gain in F1 by loop closure, per home."""
-    both = {row["home"]: (row["maps"].get(closed), row["maps"].get(none)) for row in rows}
-    return {
-        home: round(a["f1"] - b["f1"], 4)
-        for home, (a, b) in both.items()
-        if a and b and a["f1"] is not None and b["f1"] is not None
-    }
+    both = ((row["home"], *(row["maps"].get(name, {}).get("f1") for name in (closed, none))) for row in rows)
+    return {home: round(a - b, 4) for home, a, b in both if a is not None and b is not None}
 
 
-def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) -> dict[str, Any]:
-    from edgemap.benchmarks.map_variants import replayed, room_figures, true_objects
-    from edgemap.evaluation.footprints import score_footprints
-    from edgemap.evaluation.objects import score_map, scored
-    from edgemap.runtime.inputs.drives import open_drive
-
+def _scored(folder: Path, bundle: Bundle, variants: dict[str, SlamOptions], frames: int) -> dict[str, Any]:
     drive = open_drive(f"drive:{folder}")
     truth = true_objects(drive, frames)
-    slams = replayed(drive, bundle, variants, frames)
-    mount = drive.mount and {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)}
-    facts = {"home": folder.name, "objects_true": len(scored(truth)), "mount": mount}
-    maps = {}
-    for name, slam in slams.items():
-        found = room_figures(slam.objects(), slam.mapper.annotations(), slam.mapper.grid.grid(), drive, frames)
+    mount, maps = drive.mount, dict[str, dict[str, Any]]()
+    for name, slam in replayed(drive, bundle, variants, frames).items():
+        objects = slam.objects()
+        found = plan_figures(objects, slam.mapper.annotations(), slam.mapper.grid.grid(), drive, frames)
         areas = {key: found.get(kind, {}).get(figure) for key, (kind, figure) in AREAS.items()}
-        maps[name] = score_map(slam.objects(), truth) | areas
-        if footprint := score_footprints(slam.objects(), truth):
+        maps[name] = score_map(objects, truth) | areas
+        if footprint := score_footprints(objects, truth):
             maps[name]["footprint"] = footprint
-    return {**facts, "maps": maps}
+    about = mount and {"height_m": mount.height_m, "pitch_deg": round(degrees(mount.pitch_rad), 3)}
+    return {"home": folder.name, "objects_true": len(scored(truth)), "mount": about, "maps": maps}
 
 
 def seeds_of(text: str) -> range:

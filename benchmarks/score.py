@@ -18,10 +18,9 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from edgemap.benchmarks.map_variants import room_figures, true_objects, true_plan
+from edgemap.benchmarks.map_variants import plan_figures, true_objects
 from edgemap.benchmarks.rooms import drives_in, number, seeds_of
 from edgemap.evaluation.footprints import score_footprints
-from edgemap.evaluation.grid import score_grid
 from edgemap.evaluation.objects import score_map
 from edgemap.geometry.errors import EdgemapError, MapError
 from edgemap.geometry.map_object import MapObject, ObjectFootprint
@@ -84,10 +83,7 @@ def scored_home(found: Path | None, home: Path, frames: int) -> dict[str, Any]:
     row = {"home": home.name, "map": found and str(found)}
     row |= {name: figures[name] for name in (*FIGURES, *(BY_COVARIANCE if known else ()))}
     row |= {"footprint": shapes} if shapes and any(item.measured for item in objects) else {}
-    plan = true_plan(drive)
-    if grid is None or plan is None:
-        return row
-    return row | {"grid": score_grid(grid, plan)} | room_figures(objects, annotations, grid, drive, frames)
+    return row if grid is None else row | plan_figures(objects, annotations, grid, drive, frames)
 
 
 def homes_of(homes: Path, seeds: str) -> list[Path]:

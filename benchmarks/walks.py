@@ -14,17 +14,10 @@ import numpy as np
 import tyro
 
 from edgemap.benchmarks.map_variants import replayed, true_objects
+from edgemap.benchmarks.odometry import attitude_errors
 from edgemap.evaluation.objects import score_map
-from edgemap.evaluation.odometry import mean
-from edgemap.evaluation.trajectory import (
-    attitude_figures,
-    integrated,
-    motion_errors,
-    path_m,
-    segment_errors,
-    window_errors,
-)
-from edgemap.geometry.camera.attitude import Attitude
+from edgemap.evaluation.odometry import errors_of, figures, mean
+from edgemap.evaluation.trajectory import integrated, path_m
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives import Drive, open_drive
@@ -32,7 +25,8 @@ from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.network.open_bundle import open_bundle
 from edgemap.runtime.network.store import LENS, bundle_folder
 from edgemap.runtime.step.config import Config
-from edgemap.runtime.step.slam import SlamOptions, StepResult
+from edgemap.runtime.step.frame_observations import FrameObservations
+from edgemap.runtime.step.slam import SlamOptions
 
 LENGTHS_M = (1.0, 2.0, 5.0)
 WINDOWS_S = (1.0, 5.0)
@@ -86,30 +80,20 @@ def walk(
     """The figures of one run over one drive."""
     if drive.truth is None or drive.mount is None:
         raise SystemExit(f"{drive.folder}: no true poses, or no mount")
-    stamps, steps, covariances, tilts, lost = list[float](), list[SE2](), [], list[Attitude | None](), 0
-
-    def seen(_name: str, result: StepResult) -> None:
-        nonlocal lost
-        motion, camera = result.motion, result.observed.camera
-        stamps.append(result.observed.stamp_s)
-        steps.append(motion.motion)
-        covariances.append(motion.covariance)
-        tilts.append(camera.attitude if camera else None)
-        lost += bool(steps[1:]) and motion.members.get("camera", LOST if motion.blind or motion.faults else "") == LOST
-
-    slam = replayed(drive, bundle, {"own": how}, frames, config, seen)["own"]
-    level = None
-    if drive.attitudes is not None:
-        level = [drive.attitudes.at(stamp_s, drive.mount.height_m) for stamp_s in stamps]
-    errors = walk_errors(drive.truth, stamps, steps[1:], np.array(covariances[1:]))
-    tilt = attitude_figures(tilts, level)
+    observed = list[FrameObservations]()
+    slams = replayed(drive, bundle, {"": how}, frames, config, lambda _, result: observed.append(result.observed))
+    motions, stamps_s = [one.motion for one in observed[1:]], [one.stamp_s for one in observed]
+    covariances = np.array([one.covariance for one in motions])
+    errors = walk_errors(drive.truth, stamps_s, [one.motion for one in motions], covariances)
+    states = [one.members.get("camera", LOST if one.blind or one.faults else "") for one in motions]
+    tilt = attitude_errors(observed, drive.attitudes, drive.mount.height_m)
     known = tilt["pitch_rms_deg"] is not None
     truth = true_objects(drive, frames)
     return errors | {
-        "lost": lost,
+        "lost": states.count(LOST),
         "tilt": float(np.hypot(tilt["pitch_rms_deg"], tilt["roll_rms_deg"])) if known else None,
         "tilt_max": tilt["max_deg"],
-        "f1": score_map(slam.objects(), truth)["f1"] if truth else None,
+        "f1": score_map(slams[""].objects(), truth)["f1"] if truth else None,
     }
 
 
@@ -119,14 +103,14 @@ def walk_errors(
     """Errors of the motions between N stamps: drift in percent over each length, degrees per metre over the longest,
     path length divided by the true one, and NEES per degree of freedom over windows of time (1 is consistent)."""
     true, found = [truth.at(stamp_s) for stamp_s in stamps_s], integrated(steps)
-    segments = {length: segment_errors(true, found, length, step=1) / length for length in LENGTHS_M}
-    figures = {f"t_rel_{length:g}": mean(100.0 * errors[:, 0]) for length, errors in segments.items()}
-    figures[f"r_rel_{LENGTHS_M[-1]:g}"] = mean(np.degrees(segments[LENGTHS_M[-1]][:, 1]))
-    figures["scale"] = float(path_m(found)[-1] / max(path_m(true)[-1], 1e-9))
-    windows = window_errors(true, found, covariances, np.array(stamps_s), WINDOWS_S)
-    figures |= {f"nees_{length:g}": mean(errors / 3.0) for length, errors in windows.items()}
-    last = motion_errors([true[0].inverse() @ true[-1]], [found[-1]])[0]
-    return figures | {"end_m": float(np.hypot(last[0], last[1])), "end_deg": abs(degrees(last[2]))}
+    errors = errors_of(true, found, covariances, LENGTHS_M, np.array(stamps_s), step=1)
+    pooled = figures([errors])
+    row = {f"t_rel_{length}": value for length, value in pooled["t_rel_percent"].items()}
+    row["r_rel_5"] = pooled["r_rel_deg_per_m"]["5"]
+    row["scale"] = float(path_m(found)[-1] / max(errors.path_m, 1e-9))
+    row |= {f"nees_{length:g}": mean(errors.window_nees[length] / 3.0) for length in WINDOWS_S}
+    x_m, y_m, yaw_rad = errors.from_start[-1]
+    return row | {"end_m": float(np.hypot(x_m, y_m)), "end_deg": abs(degrees(yaw_rad))}
 
 
 def summary(
@@ -134,11 +118,9 @@ def summary(
 ) -> dict[str, dict[str, float | None]]:
     """Means over runs or homes, and the worst of each figure: the lowest share, the scale farthest from 1, else the
     largest. Null figures are left out."""
-    known = {key: [row[key] for row in rows if row[key] is not None] for key in names}
-    values = {key: np.array(found, dtype=float) for key, found in known.items()}
-    means = {key: mean(found) for key, found in values.items()}
-    worst = {key: _worst(key, found) for key, found in values.items()}
-    return {"mean": means, "worst": worst}
+    known = {key: np.array([row[key] for row in rows if row[key] is not None], dtype=float) for key in names}
+    worst = {key: _worst(key, values) for key, values in known.items()}
+    return {"mean": {key: mean(values) for key, values in known.items()}, "worst": worst}
 
 
 def table(name: str, found: dict[str, Any]) -> list[str]:

@@ -40,12 +40,12 @@ def command(
     Compare two builds only within one run, as a ratio, on a quiet
     machine.
     """
+    import resource
     import time
 
     import psutil
 
     from edgemap.benchmarks import bench
-    from edgemap.benchmarks.bench import StandingCamera, measure_at_rest
     from edgemap.runtime.frames.camera import Camera, next_frame
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.network.engines import processor_name
@@ -57,7 +57,7 @@ def command(
 
     def open_drive(loaded: Bundle = paced, at_rest: bool = False) -> tuple[Camera, SemanticSlam]:
         camera = source.open()
-        camera = StandingCamera(camera, rate[0]) if at_rest else camera
+        camera = bench.standing_camera(camera, rate[0]) if at_rest else camera
         return camera, build_slam(camera, loaded, source.floor_camera(camera))
 
     camera, slam = open_drive()
@@ -73,7 +73,7 @@ def command(
         )
         decode_ms = 1e3 * (time.perf_counter() - start) / max(1, decoded)
     legs = {f"{hz:g}": bench.measure(open_drive, seconds, hz) for hz in rate}
-    peak_rss_mb = bench.peak_rss_mb()
+    peak_rss_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     files = network.load(source.camera)
     legs["unpaced"] = bench.measure(lambda: open_drive(files), seconds)
     lead, unpaced = legs[f"{rate[0]:g}"], legs["unpaced"]
@@ -116,7 +116,7 @@ def command(
     if soak is not None:
         document["soak"] = bench.soak(open_drive, soak, rate[0])
     if at_rest:
-        document["at_rest"] = measure_at_rest(lambda: open_drive(at_rest=True), seconds, rate[0])
+        document["at_rest"] = bench.measure_at_rest(lambda: open_drive(at_rest=True), seconds, rate[0])
     if plot is not None:
         from edgemap.plots.charts import plot_bench
 

@@ -51,14 +51,12 @@ def command(
     footprints that overlap by an IoU of 0.25, mean IoU of objects found, and the median error of the yaw of couches,
     beds, tables and refrigerators.
     """
-    from itertools import pairwise
-
-    from edgemap.benchmarks.map_variants import replayed, room_figures, true_objects, true_plan
+    from edgemap.benchmarks.map_variants import plan_figures, replayed, true_objects
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.footprints import score_footprints
-    from edgemap.evaluation.grid import score_grid
     from edgemap.evaluation.map_alignment import aligned_figures
     from edgemap.evaluation.objects import score_map, scored
+    from edgemap.evaluation.trajectory import path_m
     from edgemap.runtime.inputs.drives import open_drive
     from edgemap.runtime.step.config import Config, load_config
     from edgemap.runtime.step.slam import SlamOptions
@@ -73,11 +71,11 @@ def command(
         drive = replace(drive, depth=()) if without_depth else drive
         if not drive.objects or drive.truth is None or drive.mount is None:
             raise CameraError(f"{data}: eval map needs true poses, a mount and objects.json")
-        truth, plan = true_objects(drive, frames), true_plan(drive)
+        truth = true_objects(drive, frames)
         wanted = scored(truth)
         count = min(frames or len(drive.stamps_s), len(drive.stamps_s))
         poses = drive.truth.poses[:count]
-        path_m = sum(abs(complex(b.x_m - a.x_m, b.y_m - a.y_m)) for a, b in pairwise(poses))
+        travelled_m = float(path_m(poses)[-1])
         document: dict[str, Any] = {
             "data": data,
             "bundle": loaded.manifest.name,
@@ -90,7 +88,7 @@ def command(
             "clustering": mapping.clustering,
             "loop_closure": mapping.loop_closure,
             "frames": count,
-            "path_m": round(path_m, 3),
+            "path_m": round(travelled_m, 3),
             "objects_true": len(wanted),
             "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
         }
@@ -107,13 +105,11 @@ def command(
         if motion.odometry == "hybrid" and document["wheels"]:
             variants["without_wheels"] = replace(options, wheels=False)
         for name, slam in replayed(drive, loaded, variants, count, tuned).items():
-            objects, grid = slam.objects(), slam.mapper.grid.grid()
+            objects = slam.objects()
             document[name] = score_map(objects, truth) | aligned_figures(objects, truth)
             if footprint := score_footprints(objects, truth):
                 document[name]["footprint"] = footprint
-            if plan is not None:
-                rooms = room_figures(objects, slam.mapper.annotations(), grid, drive, count)
-                document[name] |= {"grid": score_grid(grid, plan)} | rooms
+            document[name] |= plan_figures(objects, slam.mapper.annotations(), slam.mapper.grid.grid(), drive, count)
             if plot:
                 from edgemap.plots.charts import plot_reliability
                 from edgemap.runtime.outputs.map_formats.drawing import DrawnMap, draw_map
@@ -124,7 +120,7 @@ def command(
     if json:
         print_json(document)
         return
-    room = f"{count} frames, {path_m:.1f} m, {document['objects_true']} objects on the floor"
+    room = f"{count} frames, {travelled_m:.1f} m, {document['objects_true']} objects on the floor"
     print(f"{document['bundle']} on {data}: {room}")
     for name in variants:
         figures = document[name]

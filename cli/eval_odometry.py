@@ -70,14 +70,14 @@ def command(
     from edgemap.benchmarks.odometry import ScoredDrive, Selection, score_drive, sequence_names, together
     from edgemap.cli.simulated import as_data
     from edgemap.runtime.step.config import Config, load_config
+    from edgemap.runtime.step.slam import SlamOptions
 
     at_least(1, every=every, frames=frames)
     if first < 0:
         raise UsageError(f"--from {first}: must be 0 or more")
-    selection = Selection(
-        first, every, frames, _lengths(segments), not without_wheels, not without_imu, not without_depth,
-        read_mount(mount), load_config(config) if config else Config(),
-    )  # fmt: skip
+    tuned = load_config(config) if config else Config()
+    selection = Selection(first, every, frames, _lengths(segments), not without_depth, read_mount(mount), tuned)
+    how = SlamOptions(odometry, not without_wheels, not without_imu)
     specs = [spec for several in data or DEFAULT_DATA for spec in several]
     if not specs:
         raise UsageError("--data: expected at least one demo, KIND:DIR, sim:SEED or FILE.mcap")
@@ -89,7 +89,7 @@ def command(
     drives: dict[str, ScoredDrive] = {}
     for name, spec in zip(names, specs, strict=True):
         with as_data(spec, needed, quiet=json) as found, tqdm(unit=" frames", desc=name, disable=json or None) as bar:
-            drives[name] = score_drive(found, odometry, loaded, selection, bar.update)
+            drives[name] = score_drive(found, how, loaded, selection, bar.update)
         if plot:
             from edgemap.plots.trajectories import plot_ways
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,22 +24,15 @@ class EvaluationError(EdgemapError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredPicture:
-    """Truth and detections of one picture. Boxes (N, 4) xyxy px; labels index a common list; scores (N,).
-
-    ignored: true boxes that are not scored, bool (N,); None where all are.
-    """
+    """Truth and detections of one picture. Boxes (N, 4) xyxy px; labels index a common list; scores (N,). scored:
+    which true boxes are, (N,); the others are ignored."""
 
     true_boxes: NDArray[np.float64]
     true_labels: NDArray[np.int64]
     boxes: NDArray[np.float64]
     labels: NDArray[np.int64]
     scores: NDArray[np.float64]
-    ignored: NDArray[np.bool_] | None = None
-
-    @property
-    def scored(self) -> NDArray[np.bool_]:
-        """True boxes that are scored, (N,)."""
-        return np.ones(len(self.true_boxes), bool) if self.ignored is None else ~self.ignored
+    scored: NDArray[np.bool_]
 
     @classmethod
     def compare(
@@ -50,18 +44,11 @@ class ScoredPicture:
         numbers: Mapping[str, int],
     ) -> "ScoredPicture":
         """A picture by the classes in `numbers`, name to class id; others are left out."""
-        scored_rows = [row for row, label in enumerate(true_labels) if label in numbers]
-        labels = np.array([numbers[true_labels[row]] for row in scored_rows], dtype=np.int64)
+        rows = [row for row, label in enumerate(true_labels) if label in numbers]
+        labels = np.array([numbers[true_labels[row]] for row in rows], dtype=np.int64)
         mine = np.isin(detections.class_ids, list(numbers.values()))
-        boxes = true_boxes[scored_rows].reshape(-1, 4)
-        return cls(
-            boxes,
-            labels,
-            detections.boxes[mine],
-            detections.class_ids[mine],
-            detections.scores[mine],
-            ignored[scored_rows],
-        )
+        found = detections.boxes[mine], detections.class_ids[mine], detections.scores[mine]
+        return cls(true_boxes[rows].reshape(-1, 4), labels, *found, ~ignored[rows])
 
 
 def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> dict[str, Any]:
@@ -86,35 +73,27 @@ def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
     asked = [record for record in truth if not record["iscrowd"]]
     if not asked:
         raise EvaluationError(f"no true boxes in {len(pictures)} pictures: nothing to score")
-    used = sorted({record["category_id"] for record in asked})
+    precision = np.zeros((1, 1, len(names)))  # IoU x recall x class
+    if results:
+        document = {
+            "info": {},
+            "images": [{"id": number} for number, _ in enumerate(pictures, start=1)],
+            "categories": [{"id": n, "name": name} for n, name in enumerate(names, start=1)],
+            "annotations": truth,
+        }
+        with contextlib.redirect_stdout(io.StringIO()):
+            reference = COCO(document)
+            score = COCOeval_faster(reference, reference.loadRes(results), iouType="bbox")
+            score.evaluate()
+            score.accumulate()
+        precision = score.eval["precision"][:, :, :, 0, -1]  # of all sizes, 100 detections
+
+    def figures(classes: list[int]) -> dict[str, Any]:
+        return {"ap": _mean(precision[:, :, classes]), "ap50": _mean(precision[0][:, classes])}
+
+    used = sorted({record["category_id"] - 1 for record in asked})
     counts = {"pictures": len(pictures), "boxes_true": len(asked), "boxes_ignored": len(truth) - len(asked)}
-    if not results:
-        none = {names[label - 1]: {"ap": 0.0, "ap50": 0.0} for label in used}
-        return {"ap": 0.0, "ap50": 0.0, "per_class": none, **counts}
-    document = {
-        "info": {},
-        "images": [{"id": number} for number, _ in enumerate(pictures, start=1)],
-        "categories": [{"id": n, "name": name} for n, name in enumerate(names, start=1)],
-        "annotations": truth,
-    }
-    with contextlib.redirect_stdout(io.StringIO()):
-        reference = COCO(document)
-        score = COCOeval_faster(reference, reference.loadRes(results), iouType="bbox")
-        score.evaluate()
-        score.accumulate()
-    precision = score.eval["precision"][:, :, :, 0, -1]  # IoU x recall x class, all sizes, 100 detections
-    categories = list(score.params.catIds)
-    per_class = {}
-    for label in used:
-        column = precision[:, :, categories.index(label)]
-        per_class[names[label - 1]] = {"ap": _mean(column), "ap50": _mean(column[0])}
-    columns = [categories.index(label) for label in used]
-    return {
-        "ap": _mean(precision[:, :, columns]),
-        "ap50": _mean(precision[0][:, columns]),
-        "per_class": per_class,
-        **counts,
-    }
+    return {**figures(used), "per_class": {names[label]: figures([label]) for label in used}, **counts}
 
 
 def _record(number: int, box: NDArray[np.float64], label: int) -> dict[str, Any]:
@@ -153,40 +132,25 @@ def match_boxes(picture: ScoredPicture) -> Matches:
     return Matches(hit, free, found)
 
 
-@dataclass(frozen=True, slots=True)
-class Counts:
-    """true: boxes to detect. found: detected ones of these. false: false positives. Missed is true minus found."""
-
-    true: int = 0
-    found: int = 0
-    false: int = 0
-
-    @property
-    def missed(self) -> int:
-        """True boxes without a detection."""
-        return self.true - self.found
-
-    def __add__(self, other: "Counts") -> "Counts":
-        return Counts(self.true + other.true, self.found + other.found, self.false + other.false)
+Counts = Counter[str]  # true: boxes to detect; found: detected ones of these; false: false positives
 
 
 def counts_by_class(pictures: Iterable[ScoredPicture]) -> dict[int, Counts]:
     """Counts at IoU 0.5 of each class that is labelled or detected. A detection in an ignored box is not scored."""
-    totals: dict[int, Counts] = {}
+    totals = {kind: Counter[int]() for kind in ("true", "found", "false")}
     for picture in pictures:
         matches = match_boxes(picture)
-        for label in np.unique([*picture.true_labels[picture.scored], *picture.labels[~matches.free]]).tolist():
-            own, mine = picture.true_labels == label, picture.labels == label
-            true, found = int((own & picture.scored).sum()), int((own & matches.found).sum())
-            false = int((mine & ~matches.hit & ~matches.free).sum())
-            totals[int(label)] = totals.get(int(label), Counts()) + Counts(true, found, false)
-    return totals
+        totals["true"].update(picture.true_labels[picture.scored].tolist())
+        totals["found"].update(picture.true_labels[matches.found].tolist())
+        totals["false"].update(picture.labels[~matches.hit & ~matches.free].tolist())
+    labels = sorted({label for counts in totals.values() for label in counts})
+    return {label: Counter({kind: counts[label] for kind, counts in totals.items()}) for label in labels}
 
 
 def operating_point(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> dict[str, Any]:
     """Precision and recall of these detections at IoU 0.5, over all classes and of each; None where undefined."""
     counts = counts_by_class(pictures)
-    per_class = {names[label]: _point(counts[label]) for label in sorted(counts)}
+    per_class = {names[label]: _point(own) for label, own in counts.items()}
     return {**_point(sum(counts.values(), Counts())), "per_class": per_class}
 
 
@@ -195,17 +159,15 @@ def break_even_scores(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
     that of all classes under "". Boxes of all classes have a say as large as `PRIOR_BOXES` of each. Raises
     EvaluationError where nothing is detected.
     """
-    matches = [match_boxes(picture) for picture in pictures]
-    hit, free = (np.concatenate([getattr(one, key) for one in matches] or [[]]).astype(bool) for key in ("hit", "free"))
-    scores = np.concatenate([picture.scores for picture in pictures] or [[]])[~free]
-    labels, gain = (
-        np.concatenate([picture.labels for picture in pictures] or [[]])[~free],
-        np.where(hit[~free], 1.0, -1.0),
-    )
-    if not len(scores):
+    rows: list[NDArray[Any]] = [np.zeros((0, 3))]
+    for picture in pictures:
+        matches = match_boxes(picture)
+        columns = picture.scores, picture.labels, np.where(matches.hit, 1.0, -1.0)
+        rows.append(np.column_stack(columns)[~matches.free])
+    table = np.vstack(rows)
+    if not len(table):
         raise EvaluationError(f"no boxes in {len(pictures)} pictures: nothing to calibrate")
-    order = np.argsort(-scores, kind="stable")
-    scores, labels, gain = scores[order], labels[order], gain[order]
+    scores, labels, gain = table[np.argsort(-table[:, 0], kind="stable")].T
     prior = np.cumsum(gain) * PRIOR_BOXES / len(gain)
     found: dict[str, NDArray[np.float64]] = {"": prior}
     for label in np.unique(labels):
@@ -214,8 +176,8 @@ def break_even_scores(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
 
 
 def _point(counts: Counts) -> dict[str, float | None]:
-    detected = counts.found + counts.false
+    detected = counts["found"] + counts["false"]
     return {
-        "precision": round(counts.found / detected, 6) if detected else None,
-        "recall": round(counts.found / counts.true, 6) if counts.true else None,
+        "precision": round(counts["found"] / detected, 6) if detected else None,
+        "recall": round(counts["found"] / counts["true"], 6) if counts["true"] else None,
     }

@@ -58,12 +58,9 @@ def contact_rows(floor: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Per column of a picture, the row of the contact, the lower edge of the first obstacle: half a pixel above the
     topmost pixel of the lowest run of floor. H - 1/2 where a column has no floor.
     """
-    rows = len(floor)
-    lowest = rows - 1 - floor[::-1].argmax(axis=0)  # of the lowest run
-    above = np.arange(rows)[:, None] < lowest
-    ends = ~floor & above
-    top = np.where(ends.any(axis=0), rows - 1 - ends[::-1].argmax(axis=0), -1)
-    return np.where(floor.any(axis=0), top + 0.5, rows - 0.5)
+    up = floor[::-1]
+    ended = np.logical_or.accumulate(np.logical_or.accumulate(up, axis=0) & ~up, axis=0)  # above the lowest run
+    return len(floor) - 0.5 - np.where(up.any(axis=0), (~ended).sum(axis=0), 0)
 
 
 def contacts(floor: NDArray[np.bool_], labelled: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
@@ -78,8 +75,6 @@ def contacts(floor: NDArray[np.bool_], labelled: NDArray[np.bool_]) -> tuple[NDA
 
 
 def _median(parts: list[NDArray[np.float64]]) -> float | None:
-    values = np.concatenate(parts) if parts else np.zeros(0)
-    if not len(values):
-        return None
-    middle = float(np.median(values))
+    values = np.concatenate([np.zeros(0), *parts])
+    middle = float(np.median(values)) if len(values) else np.inf
     return round(middle, 4) if np.isfinite(middle) else None

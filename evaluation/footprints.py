@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from edgemap.evaluation.objects import FOUND_M, TrueObject, pairs_within, scored
+from edgemap.evaluation.objects import FOUND_M, MINIMUM_FRAMES, TrueObject, distances_m, pairs_within, share
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.grid.rooms import inside
 from edgemap.geometry.map_object import MapObject, outline_m
@@ -27,32 +27,27 @@ def score_footprints(objects: Sequence[MapObject], truth: Sequence[TrueObject]) 
     with_area = [item for item in truth if item.footprint_m and item.on_floor]
     if not with_area:
         return None
-    right, mapped, true, overlaps, errors, judged = 0, 0, 0, list[float](), list[float](), 0
-    for label in sorted({item.label for item in objects} | {item.label for item in with_area}):
-        ours = [item for item in objects if item.label == label]
-        theirs = [item for item in with_area if item.label == label]
-        wanted = scored(theirs)
-        shares = np.array([[iou(outline_m(a), np.array(b.footprint_m)) for b in theirs] for a in ours])
-        shares = shares.reshape(len(ours), len(theirs))
-        counts = np.array([item in wanted for item in theirs], dtype=bool)
-        # A true object that does not count takes a mapped one only where none that counts does.
-        rows, columns = linear_sum_assignment(-np.where(shares >= LEAST_IOU, shares + 10.0 * counts, 0.0))
-        taken = [(a, b) for a, b in zip(rows, columns, strict=True) if shares[a, b] >= LEAST_IOU]
-        right += sum(bool(counts[b]) for _, b in taken)
-        mapped += len(ours) - sum(not counts[b] for _, b in taken)
-        true += len(wanted)
-        for a, b in pairs_within(ours, wanted, FOUND_M):
-            overlaps.append(float(shares[a, theirs.index(wanted[b])]))
-            if label in JUDGED:
-                judged += 1
-                if ours[a].footprint.yaw_rad is not None:
-                    errors.append(yaw_error_deg(outline_m(ours[a]), np.array(wanted[b].footprint_m)))
+    apart_m, counts = distances_m(objects, with_area), np.array([item.frames >= MINIMUM_FRAMES for item in with_area])
+    shares = np.zeros(apart_m.shape)
+    for a, b in np.argwhere(np.isfinite(apart_m)):
+        shares[a, b] = iou(outline_m(objects[a]), np.array(with_area[b].footprint_m))
+    # A true object that does not count takes a mapped one only where none that counts does.
+    pairs = linear_sum_assignment(-np.where(shares >= LEAST_IOU, shares + 10.0 * counts, 0.0))
+    taken = counts[pairs[1]][shares[pairs] >= LEAST_IOU]
+    right, mapped = int(taken.sum()), len(objects) - int((~taken).sum())
+    found = pairs_within(np.where(counts, apart_m, np.inf), FOUND_M)
+    judged = [(objects[a], with_area[b]) for a, b in zip(*found, strict=True) if objects[a].label in JUDGED]
+    errors = [
+        yaw_error_deg(outline_m(item), np.array(real.footprint_m))
+        for item, real in judged
+        if item.footprint.yaw_rad is not None
+    ]
     return {
-        "f1_iou25": round(2.0 * right / (mapped + true), 4) if mapped + true else None,
-        "mean_iou": round(float(np.mean(overlaps)), 4) if overlaps else None,
+        "f1_iou25": share(2 * right, mapped + int(counts.sum())),
+        "mean_iou": round(float(shares[found].mean()), 4) if len(found[0]) else None,
         "yaw_error_deg": round(float(np.median(errors)), 2) if errors else None,
         "yaw_errors_deg": [round(error, 2) for error in sorted(errors)],
-        "oriented": round(len(errors) / judged, 4) if judged else None,
+        "oriented": share(len(errors), len(judged)),
     }
 
 

@@ -52,17 +52,13 @@ def _on_one_lattice(grid: OccupancyGrid, truth: TruePlan) -> tuple[NDArray[np.in
     first = np.minimum(np.floor((points.min(axis=0) - MARGIN_M - origin) / cell_m).astype(int), 0)
     size = np.array(grid.cells.shape[::-1])
     last = np.maximum(np.ceil((points.max(axis=0) + MARGIN_M - origin) / cell_m).astype(int), size)
-    columns, rows = (last - first).tolist()
-    cells = np.full((rows, columns), -1, np.int8)
-    cells[-first[1] : size[1] - first[1], -first[0] : size[0] - first[0]] = grid.cells
-    x = origin[0] + (first[0] + np.arange(columns) + 0.5) * cell_m
-    y = origin[1] + (first[1] + np.arange(rows) + 0.5) * cell_m
-    centres = np.stack(np.meshgrid(x, y), axis=-1)
-    kinds = np.full((rows, columns), OUTSIDE, np.uint8)
+    axes = (start + (np.arange(low, high) + 0.5) * cell_m for start, low, high in zip(origin, first, last, strict=True))
+    centres = np.stack(np.meshgrid(*axes), axis=-1)
+    kinds = np.full(centres.shape[:2], OUTSIDE, np.uint8)
     for kind, polygons in ((FLOOR, floor), (FURNITURE, truth.footprints), (WALL, truth.walls)):
         for polygon in polygons:
             kinds[inside(polygon, centres) & ((kinds == FLOOR) | (kind != FURNITURE))] = kind
-    return cells, kinds
+    return grid.at(centres).reshape(kinds.shape), kinds
 
 
 def _away_m(mask: NDArray[np.bool_], cell_m: float) -> Array:

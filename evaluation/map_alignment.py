@@ -2,14 +2,13 @@
 not counted."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from edgemap.evaluation.objects import FOUND_M, TrueObject, score_map, scored
+from edgemap.evaluation.objects import FOUND_M, TrueObject, distances_m, pairs_within, score_map, scored
 from edgemap.geometry.map_object import MapObject
 
 SHORTEST_M = 0.7  # two objects that are nearer to each other constrain the heading too little
@@ -23,24 +22,10 @@ CHUNK = 2_000_000  # distances that are computed at once
 Places = NDArray[np.complex128]  # x + iy, m
 
 
-@dataclass(frozen=True, slots=True)
-class Similarity:
-    """Takes a point x + iy of the map to factor * (x + iy) + shift, m. A factor of length one is a rigid motion."""
-
-    factor: complex = 1.0
-    shift: complex = 0.0
-
-    def apply(self, objects: Sequence[MapObject]) -> list[MapObject]:
-        """The objects at their new places, with their covariances as they were."""
-        places = [self.factor * complex(*item.position_m) + self.shift for item in objects]
-        return [
-            replace(item, position_m=np.array([at.real, at.imag])) for item, at in zip(objects, places, strict=True)
-        ]
-
-    @property
-    def map_scale(self) -> float:
-        """Size of the map over the true size."""
-        return 1.0 / abs(self.factor)
+# Factor and shift: takes a point x + iy of the map to factor * (x + iy) + shift, m. A factor of length one is a rigid
+# motion; 1 / abs(factor) is the size of the map over the true size.
+Similarity = tuple[complex, complex]
+IDENTITY: Similarity = (1.0, 0.0)
 
 
 def aligned_figures(objects: Sequence[MapObject], truth: Sequence[TrueObject]) -> dict[str, Any]:
@@ -51,15 +36,20 @@ def aligned_figures(objects: Sequence[MapObject], truth: Sequence[TrueObject]) -
     true size by that similarity, null where fewer than five pairs determine it. An alignment that is fitted to the
     objects flatters: a map with few objects, or a wrong one, gains by it.
     """
-    rigid, _ = best_alignment(objects, truth, scales=False)
-    similar, count = best_alignment(objects, truth, scales=True)
+    (rigid, _), (similar, count) = (best_alignment(objects, truth, scales) for scales in (False, True))
     # As many pairs may be a smaller F1: objects near one that is not scored count as errors elsewhere.
-    scores = [score_map(by.apply(objects), truth)["f1"] for by in (Similarity(), rigid, similar)]
+    scores = [score_map(_moved(objects, by), truth)["f1"] for by in (IDENTITY, rigid, similar)]
     return {
         "f1_aligned": max((one for one in scores[:2] if one is not None), default=None),
         "f1_scaled": max((one for one in scores if one is not None), default=None),
-        "scale": round(similar.map_scale, 4) if count >= LEAST_PAIRS else None,
+        "scale": round(1.0 / abs(similar[0]), 4) if count >= LEAST_PAIRS else None,
     }
+
+
+def _moved(objects: Sequence[MapObject], by: Similarity) -> list[MapObject]:
+    """The objects at their new places, with their covariances as they were."""
+    places = [by[0] * complex(*item.position_m) + by[1] for item in objects]
+    return [replace(item, position_m=np.array([at.real, at.imag])) for item, at in zip(objects, places, strict=True)]
 
 
 def best_alignment(objects: Sequence[MapObject], truth: Sequence[TrueObject], scales: bool) -> tuple[Similarity, int]:
@@ -72,14 +62,12 @@ def best_alignment(objects: Sequence[MapObject], truth: Sequence[TrueObject], sc
     wanted = scored(truth)
     mapped: Places = np.array([complex(*item.position_m) for item in objects], dtype=np.complex128)
     true: Places = np.array([complex(item.x_m, item.y_m) for item in wanted], dtype=np.complex128)
-    same = np.array([[item.label == real.label for real in wanted] for item in objects], dtype=np.bool_)
-    same = same.reshape(len(mapped), len(true))
-    best, rank = Similarity(), (-1, 0.0)
-    for start in [best, *_hypotheses(mapped, true, same, scales)]:
-        fit = start
+    same = np.isfinite(distances_m(objects, wanted))
+    best, rank = IDENTITY, (-1, 0.0)
+    for fit in [best, *_hypotheses(mapped, true, same, scales)]:
         for _ in range(ROUNDS):
-            placed = fit.factor * mapped + fit.shift
-            i, j = _pairs(placed, true, same)
+            placed = fit[0] * mapped + fit[1]
+            i, j = pairs_within(np.where(same, np.abs(placed[:, None] - true), np.inf), FOUND_M)
             now = len(i), -float((np.abs(placed[i] - true[j]) ** 2).sum())
             if now > rank:
                 best, rank = fit, now
@@ -89,29 +77,24 @@ def best_alignment(objects: Sequence[MapObject], truth: Sequence[TrueObject], sc
     return best, rank[0]
 
 
-def _pairs(placed: Places, true: Places, same: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows (mapped, true) of the one-to-one pairs of one label within 0.5 m: most pairs, then smallest distance."""
-    apart_m = np.abs(placed[:, None] - true[None])
-    near = same & (apart_m <= FOUND_M)
-    i, j = linear_sum_assignment(np.where(near, apart_m, 1e3))
-    return i[near[i, j]], j[near[i, j]]
-
-
 def _fitted(from_m: Places, to_m: Places, scales: bool) -> Similarity:
     """Least squares over pairs, closed form (Umeyama 1991, in the plane)."""
     centred = from_m - from_m.mean()
     product, extent = complex(np.vdot(centred, to_m)), float(np.vdot(centred, centred).real)
     if abs(product) == 0.0:
-        return Similarity()
+        return IDENTITY
     factor = product / (extent if scales else abs(product))
     length = abs(factor)
     factor *= min(max(length, 1.0 / LARGEST_SCALE), LARGEST_SCALE) / length
-    return Similarity(factor, complex(to_m.mean() - factor * from_m.mean()))
+    return factor, complex(to_m.mean() - factor * from_m.mean())
 
 
 def _hypotheses(a: Places, b: Places, same: NDArray[np.bool_], scales: bool) -> list[Similarity]:
     """The alignments by every two pairs of one label that lay most objects near one of their label."""
-    i, j = _correspondences(same)
+    i, j = np.nonzero(same)
+    alike = same.sum(axis=1)[i] * same.sum(axis=0)[j]
+    rarest = np.argsort(alike, kind="stable")[:MAXIMUM_CORRESPONDENCES]
+    i, j = i[rarest], j[rarest]
     p, q = np.triu_indices(len(i), 1)
     along_a, along_b = a[i[q]] - a[i[p]], b[j[q]] - b[j[p]]
     length_a, length_b = np.abs(along_a), np.abs(along_b)
@@ -125,19 +108,9 @@ def _hypotheses(a: Places, b: Places, same: NDArray[np.bool_], scales: bool) -> 
     factors = factors if scales else factors / np.abs(factors)
     shifts = 0.5 * (b[j[p]] + b[j[q]] - factors * (a[i[p]] + a[i[q]]))
     scores = np.zeros(len(factors))
-    size = max(CHUNK // max(same.size, 1), 1)
-    for start in range(0, len(factors), size):
-        part = slice(start, start + size)
-        placed = factors[part, None] * a[None] + shifts[part, None]
-        near = np.maximum(1.0 - (np.abs(placed[:, :, None] - b[None, None]) / FOUND_M) ** 2, 0.0) * same[None]
-        scores[part] = np.minimum(near.max(axis=2).sum(axis=1), near.max(axis=1).sum(axis=1))
+    for part in np.array_split(np.arange(len(factors)), 1 + len(factors) * same.size // CHUNK):
+        placed = factors[part, None] * a + shifts[part, None]
+        near = np.maximum(1.0 - (np.abs(placed[:, :, None] - b) / FOUND_M) ** 2, 0.0) * same
+        scores[part] = np.minimum(*(near.max(axis=axis, initial=0.0).sum(axis=1) for axis in (2, 1)))
     order = np.argsort(-scores, kind="stable")[:REFINED]
-    return [Similarity(complex(factors[row]), complex(shifts[row])) for row in order]
-
-
-def _correspondences(same: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows (mapped, true) of one label; the rarest labels where there are too many."""
-    i, j = np.nonzero(same)
-    alike = same.sum(axis=1)[i] * same.sum(axis=0)[j]
-    kept = np.argsort(alike, kind="stable")[:MAXIMUM_CORRESPONDENCES]
-    return i[kept], j[kept]
+    return [(complex(factors[row]), complex(shifts[row])) for row in order]

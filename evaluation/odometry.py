@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.evaluation.trajectory import (
+    SEGMENT_STEP,
     aligned_errors_m,
     motion_errors,
     motions,
@@ -32,8 +33,8 @@ class DriveErrors:
     """All single errors of one drive of N frames.
 
     segments: by length in m, (S, 2) metres and radians. aligned_m: (N,) after alignment. steps: (N - 1, 3) forward m,
-    left m, yaw rad of each motion. from_start: (N, 3) of the poses from a common start. nees: (N - 1,), None without
-    covariances. window_nees: by length in s, as of `window_errors`; empty without covariances or stamps. still: (K, 2),
+    left m, yaw rad of each motion. from_start: (N, 3) of the poses from a common start. nees: (N - 1,), (0,) without
+    covariances. window_nees: by length in s, as of `window_errors`, (0,) without covariances or stamps. still: (K, 2),
     metres and radians that were estimated in each frame of standing still.
     """
 
@@ -42,7 +43,7 @@ class DriveErrors:
     aligned_m: Array
     steps: Array
     from_start: Array
-    nees: Array | None
+    nees: Array
     window_nees: dict[float, Array]
     still: Array
 
@@ -53,9 +54,10 @@ def errors_of(
     covariances: Array | None = None,
     lengths_m: Sequence[float] = INDOOR_LENGTHS_M,
     stamps_s: Array | None = None,
+    step: int = SEGMENT_STEP,
 ) -> DriveErrors:
     """Compare poses of the same frames, two at least. covariances: (N - 1, 3, 3), of each estimated motion. stamps_s:
-    (N,)."""
+    (N,). step: frames between the starts of two segments."""
     steps_true, steps_estimated = motions(true), motions(estimated)
     steps = motion_errors(steps_true, steps_estimated)
     starts = [true[0].inverse() @ pose for pose in true], [estimated[0].inverse() @ pose for pose in estimated]
@@ -64,16 +66,16 @@ def errors_of(
         for wanted, motion in zip(steps_true, steps_estimated, strict=True)
         if math.hypot(wanted.x_m, wanted.y_m) < STILL_M and abs(wanted.yaw_rad) < STILL_RAD
     ]
-    windows: dict[float, Array] = {}
+    windows = dict.fromkeys(WINDOWS_S, np.zeros(0))
     if covariances is not None and stamps_s is not None:
         windows = window_errors(true, estimated, covariances, stamps_s, WINDOWS_S)
     return DriveErrors(
         path_m=float(path_m(true)[-1]),
-        segments={length: segment_errors(true, estimated, length) for length in lengths_m},
+        segments={length: segment_errors(true, estimated, length, step) for length in lengths_m},
         aligned_m=aligned_errors_m(true, estimated),
         steps=steps,
         from_start=motion_errors(*starts),
-        nees=None if covariances is None else normalised_errors(steps, covariances),
+        nees=np.zeros(0) if covariances is None else normalised_errors(steps, covariances),
         window_nees=windows,
         still=np.array(still).reshape(-1, 2),
     )
@@ -87,16 +89,14 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
     are consistent, and null without them; `window_nees`, by seconds, is that of motions summed over such a time, null
     where none fits. `still`: what is estimated while the base stands still, null where it never does.
     """
-    segments: dict[float, Array] = {}
-    for length in sorted({length for drive in drives for length in drive.segments}):
-        segments[length] = np.vstack([d.segments[length] for d in drives if length in d.segments])
+    lengths = sorted({length for drive in drives for length in drive.segments})
+    segments = {length: np.vstack([d.segments[length] for d in drives if length in d.segments]) for length in lengths}
     relative = {length: errors / length for length, errors in segments.items()}
     every = np.vstack([*relative.values(), np.zeros((0, 2))])
     steps, from_start = (np.vstack([getattr(d, name) for d in drives]) for name in ("steps", "from_start"))
     forward, left, yaw = (float(value) for value in np.sqrt((steps**2).mean(axis=0)))
-    available = [drive.nees for drive in drives if drive.nees is not None]
-    nees = np.concatenate(available) if available else None
-    windows = {length_s: [d.window_nees[length_s] for d in drives if d.window_nees] for length_s in WINDOWS_S}
+    nees = np.concatenate([drive.nees for drive in drives])
+    windows = {length_s: np.concatenate([drive.window_nees[length_s] for drive in drives]) for length_s in WINDOWS_S}
     still = np.vstack([drive.still for drive in drives])
     return {
         "frames": len(from_start),
@@ -112,9 +112,9 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
         "rmse_yaw_rad": yaw,
         "paper_rmse": _rms(np.linalg.norm(from_start[:, :2], axis=1)),
         "paper_rmse_yaw_rad": _rms(from_start[:, 2]),
-        "nees": None if nees is None else float(nees.mean()),
-        "nees_median": None if nees is None else float(np.median(nees)),
-        "window_nees": {f"{length_s:g}": mean(np.hstack([*found, []])) for length_s, found in windows.items()},
+        "nees": mean(nees),
+        "nees_median": float(np.median(nees)) if len(nees) else None,
+        "window_nees": {f"{length_s:g}": mean(errors) for length_s, errors in windows.items()},
         "still": {
             "frames": len(still),
             "cm_per_frame": _mean_and_max(100.0 * still[:, 0]),
@@ -125,18 +125,14 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
 
 def worst_drive(drives: dict[str, DriveErrors]) -> dict[str, Any] | None:
     """The drive with the largest drift over the longest segments that most drives have; None where none fits."""
-    counts = {
-        length: sum(len(drive.segments.get(length, ())) > 0 for drive in drives.values())
-        for length in {length for drive in drives.values() for length in drive.segments}
-    }
-    length = max(counts, key=lambda length: (counts[length], length), default=0.0)
-    if not counts or not counts[length]:
+    drifts = dict[float, dict[str, float]]()
+    for name, drive in drives.items():
+        for length, errors in drive.segments.items():
+            if len(errors):
+                drifts.setdefault(length, {})[name] = 100.0 * float(errors[:, 0].mean()) / length
+    if not drifts:
         return None
-    drift = {
-        name: 100.0 * float(drive.segments[length][:, 0].mean()) / length
-        for name, drive in drives.items()
-        if len(drive.segments.get(length, ()))
-    }
+    length, drift = max(drifts.items(), key=lambda item: (len(item[1]), item[0]))
     name = max(drift, key=drift.__getitem__)
     return {"sequence": name, "length_m": length, "t_rel_percent": drift[name]}
 

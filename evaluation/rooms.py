@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from edgemap.evaluation.objects import share
+from edgemap.evaluation.objects import pairs_within, share
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.grid.rooms import Door, Mask, Room, inside
 from edgemap.geometry.se2 import SE2
@@ -47,12 +46,11 @@ def score_rooms(
     true, mapped = [inside(p, points) for p in truth.rooms], [inside(room.corners_m, points) for room in rooms]
     counts = np.array([_share(seen, mask) >= SEEN_SHARE for mask in true], np.bool_)
     iou = np.array([[_share(a & b, a | b) for b in mapped] for a in true]).reshape(len(true), len(mapped))
-    rows, columns = linear_sum_assignment(iou, maximize=True)
-    pairs = [(int(a), int(b)) for a, b in zip(rows, columns, strict=True) if iou[a, b] >= FOUND_IOU]
-    found = [(a, b) for a, b in pairs if counts[a]]
+    pairs = pairs_within(1.0 - iou, 1.0 - FOUND_IOU)
+    found = [(int(a), int(b)) for a, b in zip(*pairs, strict=True) if counts[a]]
     kinds = [(KINDS.get(truth.kinds[a]), rooms[b].kind) for a, b in found]
     named = [stated == kind for kind, stated in kinds if kind is not None]
-    ignored = len(pairs) - len(found)
+    ignored = len(pairs[0]) - len(found)
     return {
         "rooms": {
             "found": share(len(found), int(counts.sum())),
@@ -65,19 +63,12 @@ def score_rooms(
 
 
 def _doors(doors: Sequence[Door], doorways: Sequence[Array], shares: Sequence[float]) -> dict[str, float | None]:
-    widths = [float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).max()) for corners in doorways]
-    wanted = [
-        WIDTH_M[0] <= width <= WIDTH_M[1] and share >= SEEN_SHARE for width, share in zip(widths, shares, strict=True)
-    ]
-    away = np.array([[np.linalg.norm(one.centre_m - c.mean(axis=0)) for one in doors] for c in doorways])
-    away = away.reshape(len(doorways), len(doors))
-    rows, columns = linear_sum_assignment(np.minimum(away, 2.0 * FOUND_M))
-    matched = [int(row) for row, column in zip(rows, columns, strict=True) if away[row, column] <= FOUND_M]
-    hits = sum(wanted[row] for row in matched)
-    return {
-        "precision": share(hits, len(doors) - (len(matched) - hits)),
-        "recall": share(hits, sum(wanted)),
-    }
+    widths = np.array([np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).max() for corners in doorways])
+    wanted = (widths >= WIDTH_M[0]) & (widths <= WIDTH_M[1]) & (np.array(shares) >= SEEN_SHARE)
+    away = np.array([[np.linalg.norm(one.centre_m - c.mean(axis=0)) for one in doors] for c in doorways], float)
+    matched = wanted[pairs_within(away.reshape(len(doorways), len(doors)), FOUND_M)[0]]
+    hits, ignored = int(matched.sum()), int((~matched).sum())
+    return {"precision": share(hits, len(doors) - ignored), "recall": share(hits, int(wanted.sum()))}
 
 
 def _raster(polygons: Sequence[Array]) -> tuple[Array, Array]:

@@ -3,7 +3,8 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
+from operator import matmul
 from typing import Any
 
 import numpy as np
@@ -31,10 +32,7 @@ def motions(poses: Sequence[SE2]) -> list[SE2]:
 
 def integrated(steps: Sequence[SE2]) -> list[SE2]:
     """Poses that motions lead to, the identity first: one more than motions."""
-    poses = [SE2()]
-    for step in steps:
-        poses.append(poses[-1] @ step)
-    return poses
+    return list(accumulate(steps, matmul, initial=SE2()))
 
 
 def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: float, step: int = SEGMENT_STEP) -> Array:
@@ -110,22 +108,18 @@ def attitude_figures(estimated: Sequence[Attitude | None], true: Sequence[Attitu
     """
     names = Counter("none" if attitude is None else attitude.source for attitude in estimated)
     sources = {name: round(count / len(estimated), 4) for name, count in names.most_common()}
-    errors, scaled = [], []
-    for own, reference in zip(estimated, true or (), strict=False):
-        if own is None:
-            continue
-        off_rad = own.roll_rad - reference.roll_rad, own.pitch_rad - reference.pitch_rad
-        error = np.array([wrap_angle(value) for value in off_rad])
-        errors.append(error)
-        scaled.append(float(error @ np.linalg.pinv(own.covariance_rad2) @ error))
-    if not errors:
+    pairs = [(own, reference) for own, reference in zip(estimated, true or (), strict=False) if own is not None]
+    if not pairs:
         return {"sources": sources, "pitch_rms_deg": None, "roll_rms_deg": None, "max_deg": None, "nees": None}
+    off_rad = [(own.roll_rad - real.roll_rad, own.pitch_rad - real.pitch_rad) for own, real in pairs]
+    errors = [np.array([wrap_angle(roll), wrap_angle(pitch)]) for roll, pitch in off_rad]
+    nees = [float(e @ np.linalg.pinv(own.covariance_rad2) @ e) for e, (own, _) in zip(errors, pairs, strict=True)]
     degrees = np.degrees(np.array(errors))
     roll, pitch = np.sqrt((degrees**2).mean(axis=0)).tolist()
     largest = float(np.abs(degrees).max())
     return {
         "sources": sources, "pitch_rms_deg": pitch, "roll_rms_deg": roll, "max_deg": largest,
-        "nees": float(np.mean(scaled)),
+        "nees": float(np.mean(nees)),
     }  # fmt: skip
 
 

@@ -93,7 +93,7 @@ def int8_report(exact: Bundle, small: Bundle, calibration: CalibrationPictures) 
         "time": round(_time(exact, small, tensors), 3),
         "processor": processor_name(),
     }
-    if any(len(picture.true_labels) and not np.all(picture.ignored) for picture in scored["int8"]):
+    if any(picture.scored.any() for picture in scored["int8"]):
         report["ap50"] = {
             precision: average_precision(pictures, exact.names)["ap50"] for precision, pictures in scored.items()
         }

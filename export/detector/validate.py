@@ -42,7 +42,7 @@ def validate(network: TorchNetwork, examples: Sequence[Example]) -> dict[str, An
                     found.boxes[complete],
                     found.class_ids[complete],
                     found.scores[complete],
-                    example.unasked,
+                    np.ones(len(example.boxes), np.bool_) if example.unasked is None else ~example.unasked,
                 )
             )
     return average_precision(scored, network.names)

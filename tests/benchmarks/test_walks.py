@@ -68,7 +68,6 @@ BED = TrueObject("bed", 3.0, 0.0, True, 50)
 def test_a_table_of_labels_and_places_is_enough(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(score, "open_drive", lambda spec: spec)
     monkeypatch.setattr(score, "true_objects", lambda *_: [CHAIR, BED])
-    monkeypatch.setattr(score, "true_plan", lambda _: None)
     for home in ("1", "2"):
         (tmp_path / "homes" / home).mkdir(parents=True)
         (tmp_path / "homes" / home / "objects.json").write_text("[]")
@@ -102,7 +101,6 @@ def test_footprints_of_a_table_are_scored(tmp_path, monkeypatch, capsys):
     corners = ((2.5, -1.0), (3.5, -1.0), (3.5, 1.0), (2.5, 1.0))
     monkeypatch.setattr(score, "open_drive", lambda spec: spec)
     monkeypatch.setattr(score, "true_objects", lambda *_: [TrueObject("bed", 3.0, 0.0, True, 50, corners)])
-    monkeypatch.setattr(score, "true_plan", lambda _: None)
     (tmp_path / "objects.json").write_text("[]")
     table = tmp_path / "map.csv"
     for yaw, mean_iou, error in ((0.0, 1.0, 0.0), (1.5708, 0.33, 90.0)):

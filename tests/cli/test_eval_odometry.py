@@ -108,6 +108,14 @@ def test_kitti_has_its_own_lengths_and_tells_what_three_values_leave_out(evaluat
     assert own["planar_fit"]["t_rel_percent"] is None
 
 
+def test_a_file_of_poses_gives_the_attitude_as_in_a_run(evaluate, tmp_path):
+    half, none = 0.02 * np.sin(STAMPS_S), np.zeros(COUNT)
+    poses = np.array([STAMPS_S, [pose.x_m for pose in WAY], none, none, none, np.sin(half), none, np.cos(half)]).T
+    np.savetxt(tmp_path / "poses.tum", poses)
+    found = document(evaluate("--data", drive(tmp_path / "a"), "--odometry", tmp_path / "poses.tum", "--json"))
+    assert found["sequences"]["a"]["attitude"]["sources"] == {"poses": 1.0}
+
+
 def test_people_get_lines_and_a_picture(evaluate, tmp_path):
     pytest.importorskip("matplotlib")
     specs = drive(tmp_path / "one" / "a"), drive(tmp_path / "two" / "a", 0.1)

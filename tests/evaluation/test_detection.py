@@ -17,11 +17,9 @@ NAMES = ("chair", "couch")
 TRUE = np.array([[10.0, 10.0, 50.0, 50.0], [60.0, 60.0, 90.0, 90.0]])
 
 
-def picture(boxes, labels, scores, true=TRUE, true_labels=(0, 0)):
-    return ScoredPicture(
-        true, np.array(true_labels), np.array(boxes, float).reshape(-1, 4), np.array(labels, int),
-        np.array(scores),
-    )  # fmt: skip
+def picture(boxes, labels, scores, true=TRUE, true_labels=(0, 0), scored=True):
+    boxes, scored = np.array(boxes, float).reshape(-1, 4), np.full(len(true), scored)
+    return ScoredPicture(true, np.array(true_labels), boxes, np.array(labels, int), np.array(scores), scored)
 
 
 @pytest.mark.parametrize(
@@ -53,19 +51,14 @@ def test_pictures_without_true_boxes_are_an_error():
 
 def test_an_ignored_box_is_neither_right_nor_wrong():
     # Half of the truth is ignored: finding the other half is perfect, and boxes on the ignored one cost nothing.
-    half = np.array([False, True])
-    one = ScoredPicture(TRUE, np.array([0, 0]), TRUE[:1], np.array([0]), np.array([0.5]), half)
-    both = ScoredPicture(TRUE, np.array([0, 0]), TRUE[::-1], np.array([0, 0]), np.array([0.9, 0.5]), half)
+    half = [True, False]
+    one, both = (picture(TRUE[:1], [0], [0.5], scored=half), picture(TRUE[::-1], [0, 0], [0.9, 0.5], scored=half))
     for case in (one, both):
         figures = average_precision([case], NAMES)
         assert (figures["ap50"], figures["boxes_true"], figures["boxes_ignored"]) == (1.0, 1, 1)
-    nobody = ScoredPicture(TRUE, np.array([0, 0]), TRUE, np.array([0, 0]), np.array([0.9, 0.5]), ~half | half)
     with pytest.raises(EvaluationError, match="no true boxes"):
-        average_precision([nobody], NAMES)
-    seen = ScoredPicture(
-        TRUE, np.array([0, 0]), np.array([[60.0, 60, 80, 80]]), np.array([0]), np.array([0.9]),
-        np.array([False, True]),
-    )  # fmt: skip
+        average_precision([picture(TRUE, [0, 0], [0.9, 0.5], scored=False)], NAMES)
+    seen = picture([[60.0, 60, 80, 80]], [0], [0.9], scored=half)
     point = operating_point([seen], NAMES)
     assert (point["precision"], point["recall"]) == (None, 0.0)
 
@@ -77,7 +70,7 @@ def test_only_classes_that_are_asked_for_are_compared():
     np.testing.assert_array_equal(one.true_boxes, TRUE[1:])
     np.testing.assert_array_equal(one.boxes, TRUE[1:])
     assert (one.true_labels.tolist(), one.labels.tolist(), one.scores.tolist()) == ([0], [0], [0.8])
-    assert one.ignored.tolist() == [True]
+    assert one.scored.tolist() == [False]
 
 
 def test_precision_and_recall_by_hand():
@@ -130,7 +123,7 @@ def pictured(true, found, ignored=()):
     def labels(rows):
         return np.array([row[0] for row in rows], dtype=np.int64)
 
-    mask = np.array([index in ignored for index in range(len(true))], dtype=bool)
+    mask = np.array([index not in ignored for index in range(len(true))], dtype=bool)
     scores = np.array([row[2] for row in found])
     return ScoredPicture(boxes(true), labels(true), boxes(found), labels(found), scores, mask)
 
@@ -158,7 +151,6 @@ def chairs(*pictures):
 )  # fmt: skip
 def test_counts_by_hand(true, found, ignored, counts):
     seen = pictured(true, found, ignored)
-    assert chairs(seen) == Counts(*counts)
-    assert chairs(seen, seen) == Counts(*(2 * count for count in counts))
-    assert chairs(seen).missed == counts[0] - counts[1]
-    assert chairs() == Counts()
+    assert [chairs(seen)[key] for key in ("true", "found", "false")] == list(counts)
+    assert [chairs(seen, seen)[key] for key in ("true", "found", "false")] == [2 * count for count in counts]
+    assert not chairs()
