@@ -9,7 +9,6 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude
 from edgemap.runtime.motion.attitude.source import NODDING_RAD
-from edgemap.runtime.motion.trust import TrustRule
 
 MOUNT, RULE = Mount.from_degrees(0.5, 10.0), AttitudeRule()
 
@@ -26,7 +25,7 @@ class AboutMount(InertialAttitude):
     """Gyro and accelerometer beside the mount's attitude, which counts where there are no samples."""
 
     def __init__(self, mount, rule=RULE, sigma_rad=NODDING_RAD):
-        super().__init__(mount, rule, CarriedRule(), ImuTrust(rule.noise.rest_window_s, TrustRule()))
+        super().__init__(mount, rule, CarriedRule(), ImuTrust(rule.noise.rest_window_s))
         self._level = Attitude.of_mount(mount, sigma_rad)
 
     def predict(self, frame, moved=None, other=None):
