@@ -23,7 +23,7 @@ from reliability.parts import PartReport
 
 KILLS, FRAMES = 200, 200
 MAX_LOST_S = 1.0
-FILES = {"map.json", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg", "grid.npz"}
+FILES = {"map.json", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg", "grid.npz", "grid.before.npz"}
 
 
 class _Teller(Sink):
@@ -51,7 +51,8 @@ def run(seed: int, share: float, out: Path) -> PartReport:
     for number in range(kills):
         folder = out / f"{time.time_ns()}-{number}"
         told_s = _kill(demo, folder, random.uniform(0.0, 1.0) * whole_s)
-        litter += len({path.name for path in folder.iterdir()} - FILES) if folder.exists() else 0
+        left = {path.name for path in folder.iterdir()} - FILES if folder.exists() else set[str]()
+        litter += len(left) - any(name.startswith(".") for name in left)  # the write that it was killed in
         if told_s is None:
             before += 1
             continue
