@@ -12,7 +12,7 @@ from typing import Any
 
 from edgemap.bridges.ros2.dds.discovery import discovery_from
 from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, shared_node
-from edgemap.bridges.ros2.dds.sources import RobotOdom
+from edgemap.bridges.ros2.dds.sources import robot_odom
 from edgemap.bridges.ros2.dds.types import in_namespace
 from edgemap.bridges.ros2.messages import build, topics
 from edgemap.bridges.ros2.messages.definitions import RosClock
@@ -102,7 +102,7 @@ class Ros2Sink(Sink):
         self._options, self._run = options, run
         self._diagnostics = RunDiagnostics(options.namespace.strip("/") or NAMESPACE, run.robot)
         self._diagnosed_s = -math.inf
-        odom = None if options.odom_tf else RobotOdom(node, options.frames)
+        odom = None if options.odom_tf else robot_odom(node, options.frames)
         lens, mount = run.floor.intrinsics, run.floor.mount
         self._stream = MessageStream(lens, mount, options.frames, static_mount=True, robot_odom=odom)
         self._publishers = {topic: self._publisher(node, topic) for topic in options.published}

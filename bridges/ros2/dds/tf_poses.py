@@ -1,28 +1,21 @@
 """`--odometry tf` beside a live camera: the base's poses by a running SLAM's tf, and its corrections."""
 
 from bisect import bisect_left
-from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import reduce
-from typing import Any
 
 import numpy as np
 
-from edgemap.bridges.ros2.dds.node import Node, Reliability, Subscription
-from edgemap.bridges.ros2.dds.sources import WAIT_S, TopicTrack
-from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
-from edgemap.bridges.ros2.messages.tf_chain import PATH, Corrections, NodePath, TfFrames, apart, planar_of, size_of
-from edgemap.bridges.ros2.messages.tf_tree import transform_of
-from edgemap.bridges.ros2.messages.topics import KINDS, TF, TF_STATIC
+from edgemap.bridges.ros2.dds.node import Node, Subscription
+from edgemap.bridges.ros2.dds.sources import TfTrack
+from edgemap.bridges.ros2.messages.tf_chain import PATH, Corrections, NodePath, TfChain, apart, planar_of, size_of
 from edgemap.bridges.ros2.recordings.reading import short
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.spatial_poses import attitudes_of
 from edgemap.runtime.frames.timing import StreamTimer
@@ -30,69 +23,6 @@ from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import MAXIMUM
 
 FOLLOWED = GridRule().cell_m  # and rad; smaller corrections wait until they add up to it
-RECENT = 50  # poses with tilt that are kept: those about a picture
-
-
-class TfTrack(TopicTrack):
-    """Poses of the base in the frame below the map's (odom), as they come. map_odom: the newest transform from the map
-    to there, (4, 4); the identity where the SLAM has no such frame. recent: stamps and poses (4, 4) in the map.
-    restarts: of the odometry."""
-
-    def __init__(self, node: Node, frames: TfFrames, offset_s: Callable[[], float]) -> None:
-        super().__init__(node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500), offset_s)
-        self._static = node.subscription(TF_STATIC, KINDS[TF_STATIC], Reliability.LATCHED, depth=100)
-        self._frames = frames
-        self._parents, self._links = dict[str, str](), dict[str, Array]()
-        self._chain: list[str] = []
-        self.recent = deque[tuple[float, Array]](maxlen=RECENT)
-        self.restarts = 0
-
-    @property
-    def map_odom(self) -> Array:
-        """See the class."""
-        return self._links[self._chain[0]] if len(self._chain) > 1 else np.eye(4)
-
-    def join(self) -> None:
-        """Waits for the frames and a first pose. Raises CameraError where there is none in time."""
-        for message in self._messages.take_while(lambda: not self._stamps, WAIT_S):
-            self._add(message)
-        if not self._stamps:
-            self._frames.chain(self._parents)
-            raise CameraError(f"{TF}: no pose of {self._chain[-1]} within {WAIT_S:.0f} s")
-
-    def push(self, stamp_s: float, pose: SE2) -> None:
-        """As of a GrowingTrack."""
-        restarted, self._restarted = self._restarted, False
-        super().push(stamp_s, pose)
-        self.restarts += self._restarted
-        self._restarted |= restarted
-
-    def _add(self, message: Any) -> None:
-        for latched in self._static.take():
-            self._links |= self._found(latched)
-        found = self._found(message)
-        self._links |= found
-        if not self._chain:
-            with suppress(CameraError):
-                self._chain = self._frames.chain(self._parents)
-        below = self._chain[1:] or self._chain
-        if below and found.keys() & set(below) and all(child in self._links for child in self._chain):
-            stamps_ns = [ns_of(step.header.stamp) for step in message.transforms if _child(step) in below]
-            pose = reduce(np.matmul, [self._links[child] for child in below])
-            stamp_s = to_s(max(stamps_ns)) - self.offset_s()
-            self.recent.append((stamp_s, self.map_odom @ pose))
-            self.push(stamp_s, planar_of(pose))
-
-    def _found(self, message: Any) -> dict[str, Array]:
-        """The valid transforms of a message, by child frame; a frame keeps its first parent."""
-        found: dict[str, Array] = {}
-        for step in message.transforms:
-            child, parent = _child(step), step.header.frame_id.lstrip("/")
-            with suppress(CameraError):
-                pose = transform_of(step.transform, TF)
-                if self._parents.setdefault(child, parent) == parent:
-                    found[child] = pose
-        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,11 +49,11 @@ class LivePoses(GivenPoses):
 
 class MapPath:
     """Poses of the base in the map at the frames' stamps, as the corrections so far move them: those of tf, and the
-    paths that the SLAM publishes. top: the map's frame. first: stamp and pose (4, 4) when the source was opened."""
+    paths that the SLAM publishes. first: stamp and pose (4, 4) when the source was opened."""
 
-    def __init__(self, node: Node, top: str, tf: TfTrack) -> None:
+    def __init__(self, node: Node, tf: TfTrack) -> None:
         self.first = tf.recent[-1]
-        self._node, self._top, self._tf, self._look_timer = node, top, tf, StreamTimer(EVERY_S)
+        self._node, self._tf, self._look_timer = node, tf, StreamTimer(EVERY_S)
         self._topics: dict[str, tuple[Subscription, NodePath]] = {}
         self._stamps_s, self._path_m = list[float](), list[float]()
         self._poses, self._odoms = list[Array](), list[Array]()  # in the map; in odom, over its restarts
@@ -138,7 +68,7 @@ class MapPath:
             odom = self._tf.at(stamp_s)
         except OdometryError:
             return False
-        came, map_odom = self._take_paths(stamp_s), self._tf.map_odom
+        came, map_odom = self._take_paths(stamp_s), self._tf.chain.map_odom
         restarted, self._restarts = self._tf.restarts != self._restarts, self._tf.restarts
         if restarted:
             self._map_odom = map_odom
@@ -170,7 +100,7 @@ class MapPath:
         """Whether a path came since the last frame."""
         for topic, kind in self._node.published().items() if self._look_timer.due(stamp_s) else ():
             if short(kind) == PATH and topic not in self._topics:
-                self._topics[topic] = self._node.subscription(topic, kind), NodePath(self._top)
+                self._topics[topic] = self._node.subscription(topic, kind), NodePath(self._tf.chain.top)
         came = [(nodes, message) for messages, nodes in self._topics.values() for message in messages.take()]
         for nodes, message in came:
             nodes.take(message, self._tf.offset_s())
@@ -187,10 +117,9 @@ def live_tf_poses(node: Node, where: str, offset_s: Callable[[], float]) -> Call
     """What `CameraInfo.tf` is of a live camera: subscribes to tf. offset_s: from stamps of the stream to ROS time."""
 
     def poses(frames: str, mount: Mount) -> GivenPoses:
-        named = TfFrames(frames, where)
-        track = TfTrack(node, named, offset_s)
+        track = TfTrack(node, TfChain(frames, where), offset_s)
         track.join()
-        path = MapPath(node, named.top, track)
+        path = MapPath(node, track)
         start = planar_of(path.first[1])
         return LivePoses(track, None, mount.height_m, (), start, tf=track, mount=mount, path=path)
 
@@ -202,7 +131,3 @@ def matrix_of_pose(pose: SE2) -> Array:
     matrix = np.eye(4)
     matrix[np.ix_([0, 1, 3], [0, 1, 3])] = pose.matrix()
     return matrix
-
-
-def _child(step: Any) -> str:
-    return step.child_frame_id.lstrip("/")

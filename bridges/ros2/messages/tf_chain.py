@@ -1,6 +1,6 @@
 """What tf says of a base in a map: the frames between both, and corrections of the map, which move earlier poses."""
 
-from collections.abc import Mapping
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
+from edgemap.bridges.ros2.messages.tf_tree import transform_of
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
@@ -22,29 +23,61 @@ TF_AGREES = 0.1  # m, and rad: how near tf's pose the newest node is, if the nod
 LOGGED = 0.75  # of the largest correction: a path with such a step at its time logs tf as it was
 
 
-class TfFrames:
-    """The frames of `MAP,BASE`; empty for the usual names. where: for messages."""
+class TfChain:
+    """The newest transforms from the map to the base, as messages bring them. frames: `MAP,BASE`, empty for the usual
+    names. where: for messages. A frame keeps its first parent."""
 
-    def __init__(self, text: str, where: str) -> None:
-        names = [name.strip().lstrip("/") for name in text.split(",")] if text else []
-        self.top, self.bases = (names[0] or MAP if names else MAP), (names[1:] or list(BASES))
+    def __init__(self, frames: str, where: str) -> None:
+        names = [name.strip().lstrip("/") for name in frames.split(",")] if frames else []
+        self.top, self._bases = (names[0] or MAP if names else MAP), (names[1:] or list(BASES))
         self._where = where
+        self._parents, self._links = dict[str, str](), dict[str, Array]()  # by frame
+        self._chain: list[str] = []  # from below the map's frame down to the base; empty until they are joined
 
-    def chain(self, parents: Mapping[str, str]) -> list[str]:
-        """The frames from below the map's down to the base. parents: by frame. Raises CameraError where they are not
-        joined."""
-        for base in self.bases:
-            chain: list[str] = []
-            while base in parents and base not in chain:
-                chain.append(base)
-                base = parents[base]
-                if base == self.top:
-                    return chain[::-1]
-        known = ", ".join(sorted({*parents, *parents.values()})[:12]) or "none"
+    @property
+    def base(self) -> str:
+        """The base's frame. Raises CameraError where it is not joined to the map's."""
+        if self._chain:
+            return self._chain[-1]
+        known = ", ".join(sorted({*self._parents, *self._parents.values()})[:12]) or "none"
         raise CameraError(
-            f"{self._where}: tf does not join {one_line(self.top)} to {' or '.join(map(one_line, self.bases))} (its "
+            f"{self._where}: tf does not join {one_line(self.top)} to {' or '.join(map(one_line, self._bases))} (its "
             f"frames: {known}); --odometry tf:MAP,BASE names others"
         )
+
+    @property
+    def map_odom(self) -> Array:
+        """The transform (4, 4) from the map to the frame below it (odom); the identity where that is the base."""
+        return self._links[self._chain[0]] if len(self._chain) > 1 else np.eye(4)
+
+    def take(self, message: Any, dropped: list[str], log_ns: int = 0) -> tuple[int, Array] | None:
+        """Takes a decoded `tf2_msgs/TFMessage`. Returns stamp in ns and pose (4, 4) of the base in odom, where the
+        message changes that. dropped: gets why transforms are. log_ns: stamp of those that have none."""
+        stamps_ns: dict[str, int] = {}
+        for step in message.transforms:
+            child, parent = step.child_frame_id.lstrip("/"), step.header.frame_id.lstrip("/")
+            if self._parents.setdefault(child, parent) == parent and (not self._chain or child in self._chain):
+                try:
+                    self._links[child] = transform_of(step.transform, f"tf to {one_line(child, 60)}")
+                    stamps_ns[child] = ns_of(step.header.stamp) or log_ns
+                except CameraError as error:
+                    dropped.append(str(error))
+        self._chain = self._chain or self._joined()
+        below = self._chain[1:] or self._chain
+        if stamps_ns.keys().isdisjoint(below) or not self._links.keys() >= set(self._chain):
+            return None
+        pose = reduce(np.matmul, [self._links[child] for child in below])
+        return max(stamps_ns[child] for child in below if child in stamps_ns), pose
+
+    def _joined(self) -> list[str]:
+        for base in self._bases:
+            chain: list[str] = []
+            while base in self._parents and base not in chain:
+                chain.append(base)
+                base = self._parents[base]
+                if base == self.top:
+                    return chain[::-1]
+        return []
 
 
 class Corrections:
