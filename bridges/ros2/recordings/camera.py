@@ -27,7 +27,7 @@ from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.bridges.ros2.recordings.tf_poses import tf_poses
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import CameraInfo, CameraOptions, FileCamera, Shot, Shots
+from edgemap.runtime.frames.camera import CameraInfo, CameraOptions, FileCamera, Picture, Pictures
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.reading import printable, user_path
@@ -57,15 +57,15 @@ def recording_camera(spec: str, how: CameraOptions = CameraOptions()) -> FileCam
         ours, wanted, levels = RECORD in recording.metadata, how.topics.depth, Levels()
         topic, kinds = _choose(recording, topic, (DEPTH if ours else None, wanted))
         beside, depth = (depth_beside(recording, wanted) if how.depth else None) or (None, None)
-        ahead = list[Shot | CameraFault]()
-        for shot in (shots := _shots(recording, topic, printable(spec), levels, depth)):
-            ahead.append(shot)
-            if isinstance(shot, Shot):
+        ahead = list[Picture | CameraFault]()
+        for picture in (pictures := _pictures(recording, topic, printable(spec), levels, depth)):
+            ahead.append(picture)
+            if isinstance(picture, Picture):
                 break
         else:
             why = f", {len(ahead):,} damaged: {ahead[0]}" if ahead else ""
             raise CameraError(f"{path}: {topic} has no complete picture{why}")
-        (height, width), first_s = shot.image.shape[:2], shot.stamp_s
+        (height, width), first_s = picture.image.shape[:2], picture.stamp_s
 
         def tf(frames: str, mount: Mount) -> GivenPoses:
             """The base's poses by the tf of the whole file, from its first picture on."""
@@ -84,7 +84,7 @@ def recording_camera(spec: str, how: CameraOptions = CameraOptions()) -> FileCam
             if ours
             else _foreign(recording, topic, how, info.size, levels, kinds, beside)
         )
-        return FileCamera(replace(info, **changes), chain(ahead, shots), resources.pop_all())
+        return FileCamera(replace(info, **changes), chain(ahead, pictures), resources.pop_all())
 
 
 def _choose(recording: Reading, topic: str, others: Collection[str | None]) -> tuple[str, dict[str, str]]:
@@ -119,7 +119,7 @@ def _kind(recording: Reading, topic: str) -> str:
         return "damaged"
 
 
-def _shots(recording: Reading, topic: str, name: str, levels: Levels, depth: DepthBeside | None) -> Shots:
+def _pictures(recording: Reading, topic: str, name: str, levels: Levels, depth: DepthBeside | None) -> Pictures:
     """All pictures in order, with a fault in place of each that is dropped, and one before the first after the clock
     was set. Raises CameraError for damage, and at the end of a file cut off."""
     exact, unsearched, read = dict[int, float](), set[int](), PICTURE_KINDS[recording.topics[topic].kind]
@@ -146,7 +146,7 @@ def _shots(recording: Reading, topic: str, name: str, levels: Levels, depth: Dep
             text = f"{where}: picture is {width}x{height}, not as those before, skipped"
             yield CameraFault(FaultKind.SIZE, text)
         else:
-            yield Shot(image, stamp_s, where, depth and depth.at(stamp_ns), own_ns not in unsearched)
+            yield Picture(stamp_s, image, depth and depth.at(stamp_ns), where, own_ns not in unsearched)
             count, last_s = count + 1, stamp_s
     if count and not recording.complete:
         raise CameraError(f"{recording.path}: cut off, the {count} complete pictures before it were read")
