@@ -99,7 +99,7 @@ class TfTrack(TopicTrack):
         if (taken := self.chain.take(message, [])) is not None:
             stamp_s = to_s(taken[0]) - self.offset_s()
             self.recent.append((stamp_s, self.chain.map_odom @ taken[1]))
-            self.push(stamp_s, planar_of(taken[1]))
+            self.push(stamp_s, SE2(*planar_of(taken[1])))
 
 
 def robot_odom(node: Node, frames: FrameIds) -> Callable[[float], SE2 | None]:

@@ -1,5 +1,6 @@
 """`--odometry tf` beside a live camera: the base's poses by a running SLAM's tf, and its corrections."""
 
+import math
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,7 +11,6 @@ from edgemap.bridges.ros2.dds.node import Node, Subscription
 from edgemap.bridges.ros2.dds.sources import TfTrack
 from edgemap.bridges.ros2.messages.tf_chain import PATH, Corrections, NodePath, TfChain, apart, planar_of, size_of
 from edgemap.bridges.ros2.recordings.reading import short
-from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.grid.occupancy_grid import GridRule
@@ -29,13 +29,12 @@ FOLLOWED = GridRule().cell_m  # and rad; smaller corrections wait until they add
 class LivePoses(GivenPoses):
     """Poses that come while the map is made. The trajectory has no jumps; `correction` has them."""
 
-    tf: TfTrack = field(kw_only=True)
     mount: Mount = field(kw_only=True)
     path: "MapPath" = field(kw_only=True)
 
     def attitude(self, stamp_s: float) -> Attitude | None:
         """By the poses about a stamp; None where the base is level."""
-        later = [row for row in self.tf.recent if row[0] > self.path.first[0]]
+        later = [row for row in self.path.tf.recent if row[0] > self.path.first[0]]
         after = bisect_left([row[0] for row in later], stamp_s)
         near = [self.path.first, *later[max(after - 1, 0) : after + 1]]
         stamps_s, poses = np.array([row[0] for row in near]), np.array([row[1] for row in near])
@@ -53,64 +52,60 @@ class MapPath:
 
     def __init__(self, node: Node, tf: TfTrack) -> None:
         self.first = tf.recent[-1]
-        self._node, self._tf, self._look_timer = node, tf, StreamTimer(EVERY_S)
+        self._node, self.tf, self._look_timer = node, tf, StreamTimer(EVERY_S)
         self._topics: dict[str, tuple[Subscription, NodePath]] = {}
-        self._stamps_s, self._path_m = list[float](), list[float]()
-        self._poses, self._odoms = list[Array](), list[Array]()  # in the map; in odom, over its restarts
-        self._map_odom, self._restarts = np.eye(4), -1
-        self._odom: SE2 | None = None
+        # Stamp, path in m, pose in odom over its restarts, pose in the map: (MAXIMUM, 8).
+        self._rows, self._count = np.zeros((MAXIMUM, 8)), 0
+        self._map_odom, self._odom, self._restarts = SE2(), SE2(), -1
         self._corrections = Corrections()
 
     def follow(self, stamp_s: float) -> bool:
         """Adds the pose at a frame's stamp, where tf has one. Returns whether poses so far are others than those that
         were used."""
         try:
-            odom = self._tf.at(stamp_s)
+            odom = self.tf.at(stamp_s)
         except OdometryError:
             return False
-        came, map_odom = self._take_paths(stamp_s), self._tf.chain.map_odom
-        restarted, self._restarts = self._tf.restarts != self._restarts, self._tf.restarts
+        came, map_odom = self._take_paths(stamp_s), SE2(*planar_of(self.tf.chain.map_odom))
+        restarted, self._restarts = self.tf.restarts != self._restarts, self.tf.restarts
         if restarted:
             self._map_odom = map_odom
-        step = SE2() if self._odom is None or restarted else self._odom.inverse() @ odom
-        self._odom = odom
-        self._stamps_s.append(stamp_s)
-        self._poses.append(self._map_odom @ matrix_of_pose(odom))
-        self._odoms.append((self._odoms[-1] if self._odoms else np.eye(4)) @ matrix_of_pose(step))
-        self._path_m.append((self._path_m[-1] if self._path_m else 0.0) + float(np.hypot(step.x_m, step.y_m)))
-        if len(self._poses) > MAXIMUM:  # the older half gets coarser, as in the journal of poses
-            for rows in (self._stamps_s, self._poses, self._odoms, self._path_m):
-                del rows[1 : MAXIMUM // 2 : 2]
-        moved = map_odom @ np.linalg.inv(self._map_odom)
-        jumped = size_of(moved, self._poses[-1]) > FOLLOWED
-        changed = jumped or restarted or len(self._poses) == 2  # before the first frame the robot was elsewhere
-        if jumped or came:
-            poses = np.array(self._poses)
-            if jumped:
-                self._corrections.spread(poses, np.array(self._path_m), moved, stamp_s)
-                self._map_odom = map_odom
-            for _, path in self._topics.values():
-                through = path.through(np.array(self._stamps_s), np.array(self._odoms), poses, self._corrections)
-                if through is not None and (jumped or apart(through, poses).max() > FOLLOWED):
-                    poses, changed = through, True
-            self._poses = list(poses)
+        step, self._odom = SE2() if restarted else self._odom.inverse() @ odom, odom
+        if self._count == MAXIMUM:  # the older half gets coarser, as in the journal of poses
+            kept = np.delete(self._rows, slice(1, MAXIMUM // 2, 2), axis=0)
+            self._rows[: len(kept)], self._count = kept, len(kept)
+        last = self._rows[self._count - 1]  # zeros before the first
+        path_m, total = last[1] + math.hypot(step.x_m, step.y_m), SE2(*last[2:5]) @ step
+        self._rows[self._count] = stamp_s, path_m, *total.vector(), *(self._map_odom @ odom).vector()
+        self._count += 1
+        rows, moved = self._rows[: self._count], map_odom @ self._map_odom.inverse()
+        stamps_s, odoms, poses = rows[:, 0], rows[:, 2:5], rows[:, 5:]
+        jumped = size_of(moved, poses[-1]) > FOLLOWED
+        changed = jumped or restarted or self._count == 2  # before the first frame the robot was elsewhere
+        if jumped:
+            self._corrections.spread(poses, rows[:, 1], moved, stamp_s)
+            self._map_odom = map_odom
+        for _, path in self._topics.values() if jumped or came else ():
+            through = path.through(stamps_s, odoms, poses, self._corrections)
+            if through is not None and (jumped or apart(through, poses).max() > FOLLOWED):
+                poses[:], changed = through, True
         return changed
 
     def _take_paths(self, stamp_s: float) -> bool:
         """Whether a path came since the last frame."""
         for topic, kind in self._node.published().items() if self._look_timer.due(stamp_s) else ():
             if short(kind) == PATH and topic not in self._topics:
-                self._topics[topic] = self._node.subscription(topic, kind), NodePath(self._tf.chain.top)
+                self._topics[topic] = self._node.subscription(topic, kind), NodePath(self.tf.chain.top)
         came = [(nodes, message) for messages, nodes in self._topics.values() for message in messages.take()]
         for nodes, message in came:
-            nodes.take(message, self._tf.offset_s())
+            nodes.take(message, self.tf.offset_s())
         return bool(came)
 
     def at(self, stamp_s: float) -> SE2 | None:
         """The pose at a frame's stamp."""
-        row = bisect_left(self._stamps_s, stamp_s)
-        found = row < len(self._stamps_s) and self._stamps_s[row] == stamp_s
-        return planar_of(self._poses[row]) if found else None
+        row = int(np.searchsorted(self._rows[: self._count, 0], stamp_s))
+        found = row < self._count and self._rows[row, 0] == stamp_s
+        return SE2(*self._rows[row, 5:]) if found else None
 
 
 def live_tf_poses(node: Node, where: str, offset_s: Callable[[], float]) -> Callable[[str, Mount], GivenPoses]:
@@ -120,14 +115,7 @@ def live_tf_poses(node: Node, where: str, offset_s: Callable[[], float]) -> Call
         track = TfTrack(node, TfChain(frames, where), offset_s)
         track.join()
         path = MapPath(node, track)
-        start = planar_of(path.first[1])
-        return LivePoses(track, None, mount.height_m, (), start, tf=track, mount=mount, path=path)
+        start = SE2(*planar_of(path.first[1]))
+        return LivePoses(track, None, mount.height_m, (), start, mount=mount, path=path)
 
     return poses
-
-
-def matrix_of_pose(pose: SE2) -> Array:
-    """A planar pose as (4, 4)."""
-    matrix = np.eye(4)
-    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = pose.matrix()
-    return matrix

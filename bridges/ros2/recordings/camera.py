@@ -3,7 +3,6 @@
 import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, closing
-from dataclasses import replace
 from itertools import chain, islice
 from typing import Any
 
@@ -72,19 +71,15 @@ def recording_camera(spec: str, how: CameraOptions = CameraOptions()) -> FileCam
             with closing(open_reading(path)) as again:
                 return tf_poses(again, frames, mount, first_s)
 
-        info = CameraInfo(
-            spec,
-            (width, height),
-            frame_count=recording.topics[topic].count,
-            wheel=wheels_of(recording, how.topics.wheels) if how.topics.wheels else None,
-            tf=tf if TF in recording.topics else None,
-        )
-        changes = (
-            _recorded(recording, topic, how)
-            if ours
-            else _foreign(recording, topic, how, info.size, levels, kinds, beside)
-        )
-        return FileCamera(replace(info, **changes), chain(ahead, pictures), resources.pop_all())
+        if ours:
+            known = _recorded(recording, topic, how)
+        else:
+            known = _foreign(recording, topic, how, (width, height), levels, kinds, beside)
+        if how.topics.wheels:
+            known["wheel"] = wheels_of(recording, how.topics.wheels)
+        count, poses = recording.topics[topic].count, tf if TF in recording.topics else None
+        info = CameraInfo(spec, (width, height), frame_count=count, tf=poses, **known)
+        return FileCamera(info, chain(ahead, pictures), resources.pop_all())
 
 
 def _choose(recording: Reading, topic: str, others: Collection[str | None]) -> tuple[str, dict[str, str]]:

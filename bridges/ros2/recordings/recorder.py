@@ -1,6 +1,7 @@
 """Records pictures with intrinsics, mount, wheel odometry and truth, and, as a sink, a run's results."""
 
 from collections import Counter, deque
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
 from operator import itemgetter
@@ -166,21 +167,18 @@ class Recorder(Sink):
             self._file.write(IMU, at_ns, build.imu(at_ns, gyro.tolist(), accel.tolist()))
         if frame.depth is not None:
             self._file.write(DEPTH, stamp_ns, build.compressed_image(stamp_ns, *encoded_depth(frame.depth)))
-        for outgoing in self._stream.picture(frame):
-            self._write(outgoing)
+        self._write(self._stream.picture(frame))
         self.frames += 1
         return stamp_ns
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Record one step: its picture, poses, boxes, and every few frames the map."""
         self._last = (self.picture(result.frame), objects, result.pose_map_base)
-        for outgoing in self._stream.results(result, objects):
-            self._write(outgoing)
+        self._write(self._stream.results(result, objects))
 
     def last(self, result: StepResult, objects: list[MapObject]) -> None:
         """Records the boxes that came after the last frame, and the map with them."""
-        for outgoing in self._stream.last(result, objects):
-            self._write(outgoing)
+        self._write(self._stream.last(result, objects))
 
     def edit(self, line: str) -> None:
         """Record an edit, as a line of edits.jsonl, at the picture before it. One that the disk does not take, or that
@@ -194,17 +192,16 @@ class Recorder(Sink):
         end the file is valid up to its last complete chunk."""
         try:
             if self._last is not None and self._last[0] != self._map_ns:
-                for outgoing in self._stream.map(*self._last):
-                    self._write(outgoing)
+                self._write(self._stream.map(*self._last))
         finally:
             self._file.close()
 
-    def _write(self, outgoing: Outgoing) -> None:
-        if outgoing.topic in (GRID, FLOOR_SCAN):  # these follow from the objects and the pictures
-            return
-        if outgoing.topic == OBJECTS:
-            self._map_ns = outgoing.stamp_ns
-        self._file.write(outgoing.topic, outgoing.stamp_ns, outgoing.make())
+    def _write(self, messages: Iterable[Outgoing]) -> None:
+        for outgoing in messages:
+            if outgoing.topic == OBJECTS:
+                self._map_ns = outgoing.stamp_ns
+            if outgoing.topic not in (GRID, FLOOR_SCAN):  # these follow from the objects and the pictures
+                self._file.write(outgoing.topic, outgoing.stamp_ns, outgoing.make())
 
 
 def file_of(text: str) -> tuple[Path, bool]:

@@ -5,11 +5,13 @@ from contextlib import suppress
 import numpy as np
 
 from edgemap.bridges.ros2.messages.definitions import to_s
-from edgemap.bridges.ros2.messages.tf_chain import PATH, SAME, Corrections, NodePath, TfChain, planar_of
+from edgemap.bridges.ros2.messages.tf_chain import PATH, SAME, Corrections, NodePath, TfChain, inverted, planar_of
 from edgemap.bridges.ros2.messages.topics import TF, TF_STATIC
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.trajectory_correction import composed
 from edgemap.runtime.frames.errors import CameraError, OdometryError
 from edgemap.runtime.frames.faults import note_dropped
 from edgemap.runtime.frames.reading import one_line, print_message
@@ -37,8 +39,9 @@ def tf_poses(recording: Reading, frames: str, mount: Mount, first_s: float) -> G
         raise CameraError(f"{recording.path}: tf has {len(rows)} poses of {one_line(base)}, need 2 or more")
     stamps_s = np.array([to_s(stamp_ns) for stamp_ns in sorted(rows)])
     map_odom, odom = map(np.array, zip(*(rows[stamp_ns] for stamp_ns in sorted(rows)), strict=True))
-    poses = _corrected(recording, chain.top, stamps_s, map_odom, odom)
-    track = Trajectory(stamps_s, tuple(map(planar_of, poses)))
+    poses = map_odom @ odom
+    planar = _corrected(recording, chain.top, stamps_s, planar_of(map_odom), planar_of(poses))
+    track = Trajectory(stamps_s, tuple(SE2(*pose) for pose in planar.tolist()))
     try:
         start = track.at(first_s, EDGE_S)
     except OdometryError as error:
@@ -46,15 +49,15 @@ def tf_poses(recording: Reading, frames: str, mount: Mount, first_s: float) -> G
     return GivenPoses(track, attitudes_of(stamps_s, poses, "z", mount), mount.height_m, start=start)
 
 
-def _corrected(recording: Reading, top: str, stamps_s: Array, map_odom: Array, odom: Array) -> Array:
-    """Poses (N, 4, 4) in the map, of those in odom, with each correction of the map-to-odom transforms (N, 4, 4) spread
-    over the path before it, or as a path of the SLAM has them."""
-    jumps = np.flatnonzero((np.abs(np.diff(map_odom, axis=0)) > SAME).any(axis=(1, 2))) + 1
-    poses = map_odom @ odom
-    path_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(odom[:, :3, 3], axis=0), axis=1))])
+def _corrected(recording: Reading, top: str, stamps_s: Array, map_odom: Array, poses: Array) -> Array:
+    """The poses (N, 3) with each correction of the map-to-odom transforms (N, 3) spread over the path before it, or as
+    a path of the SLAM has them."""
+    jumps = np.flatnonzero((np.abs(np.diff(map_odom, axis=0)) > SAME).any(axis=1)) + 1
+    odom = composed(inverted(map_odom), poses)  # in the frame that does not jump
+    path_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(odom[:, :2], axis=0).T))])
     corrections = Corrections()
     for jump in jumps.tolist():
-        moved = map_odom[jump] @ np.linalg.inv(map_odom[jump - 1])
+        moved = SE2(*map_odom[jump]) @ SE2(*map_odom[jump - 1]).inverse()
         corrections.spread(poses[:jump], path_m[:jump], moved, stamps_s[jump])
     for topic in recording.topics_of(PATH):
         nodes = NodePath(top)
