@@ -8,7 +8,7 @@ from edgemap.bridges.ros2.messages.definitions import definition, encoder, to_ns
 from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.colours import label_rgb
-from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.limits import PATIENCE_S
@@ -28,7 +28,7 @@ class FoxgloveServer:
 
     A message is built when a client has subscribed to its topic. The server's own threads send it, and drop the oldest
     for a client that is slow. Clients cannot publish. host: anyone who reaches the address sees the pictures. port: 0
-    for any free one. Raises MissingExtraError, or PublishError where the address cannot be bound.
+    for any free one. Raises MissingExtraError, or BridgeError where the address cannot be bound.
     """
 
     def __init__(self, host: str, port: int, stream: MessageStream) -> None:
@@ -46,7 +46,7 @@ class FoxgloveServer:
                 message_backlog_size=128,  # of a client that is slow: a second or two at 10 Hz
             )  # fmt: skip
         except (RuntimeError, OverflowError) as error:
-            raise PublishError(f"--foxglove {host}:{port}: {error}") from None
+            raise BridgeError(f"--foxglove {host}:{port}: {error}") from None
         self.url = f"ws://{host}:{self._server.port}"
         self._channels = {
             topic: foxglove.Channel(

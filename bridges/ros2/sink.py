@@ -22,7 +22,7 @@ from edgemap.bridges.ros2.messages.topics import FrameIds
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import Ros2Error, UsageError
+from edgemap.runtime.frames.errors import BridgeError, UsageError
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.option_texts import words_of
@@ -116,7 +116,7 @@ class Ros2Sink(Sink):
         self._publishers[topics.LABELS].write(info)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Publish one step, and apply a pose that a person has set. Raises Ros2Error."""
+        """Publish one step, and apply a pose that a person has set. Raises BridgeError."""
         self._take_pose()
         while self._goals:
             self._goal.write(build.goal_pose(self._goals.popleft(), self._options.frames.map, time.time_ns()))
@@ -128,10 +128,10 @@ class Ros2Sink(Sink):
         if self._asked is not None and self._asked.done():
             asked, self._asked = self._asked, None
             if (refusal := asked.exception()) is not None:
-                raise Ros2Error(f"{INITIAL_POSE}: {refusal}")
+                raise BridgeError(f"{INITIAL_POSE}: {refusal}")
 
     def last(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Publish the boxes that came after the last frame, and the map. Raises Ros2Error."""
+        """Publish the boxes that came after the last frame, and the map. Raises BridgeError."""
         self._stream.offset_s = self._clock.offset_s(result.frame.stamp_s)
         self._send(self._stream.last(result, objects))
 
@@ -157,7 +157,7 @@ class Ros2Sink(Sink):
         self._goals.append(pose_map_base)
 
     def _take_pose(self) -> None:
-        with suppress(Ros2Error):  # a damaged message of somebody else's
+        with suppress(BridgeError):  # a damaged message of somebody else's
             message = self._initial_pose.newest()
             if message is not None and message.header.frame_id.lstrip("/") == self._options.frames.map:
                 self._asked = self._run.edits.submit(pose_edit(message))
@@ -187,7 +187,7 @@ def pose_edit(message: Any) -> Edit:
 
 
 def open(address: str, run: RunInfo) -> Ros2Sink:
-    """The sink of `--ros2 NAME=VALUE,…`. Raises UsageError, Ros2Error or MissingExtraError."""
+    """The sink of `--ros2 NAME=VALUE,…`. Raises UsageError, BridgeError or MissingExtraError."""
     options, node = Ros2Options.of(address), shared_node()
     names = ", ".join(map(options.topic, options.published))
     print_message(f"ROS 2: {discovery_from(os.environ)}; topics {names}")

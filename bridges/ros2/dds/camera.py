@@ -65,7 +65,7 @@ class Ros2Topic(Driver):
         return self
 
     def grab(self) -> Picture | None:
-        """The newest picture; None where none came. Raises CameraError or Ros2Error for one that is damaged."""
+        """The newest picture; None where none came. Raises CameraError or BridgeError for one that is damaged."""
         grabbed, self._first = self._first or self._next(TICK_S), None
         if grabbed is None:
             return None

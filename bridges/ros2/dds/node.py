@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
 from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, ros_kind, sample_type
 from edgemap.bridges.ros2.messages.definitions import DAMAGE, Message, decoder, encoder
-from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.extras import need
 
 Answer = TypeVar("Answer")
@@ -49,14 +49,14 @@ class Publisher:
         return self.latched or self._readers[0] > 0
 
     def write(self, message: Message) -> None:
-        """Publishes a message. A message that slow readers cannot accept is dropped. Raises Ros2Error."""
+        """Publishes a message. A message that slow readers cannot accept is dropped. Raises BridgeError."""
         from cyclonedds.core import DDSException
 
         try:
             self._writer.write(self._sample(self._encode(message)))
         except DDSException as error:
             if error.code != DDSException.DDS_RETCODE_TIMEOUT:
-                raise Ros2Error(f"ROS 2: {self._kind} cannot be published ({error.msg})") from None
+                raise BridgeError(f"ROS 2: {self._kind} cannot be published ({error.msg})") from None
 
 
 class Subscription:
@@ -94,14 +94,14 @@ class Subscription:
             yield from self.take()
 
     def newest(self) -> Any | None:
-        """The newest received message, if any; older ones are not decoded. Raises Ros2Error if it is damaged."""
+        """The newest received message, if any; older ones are not decoded. Raises BridgeError if it is damaged."""
         samples = self._samples()
         if not samples:
             return None
         try:
             return self._decode(samples[-1])
         except DAMAGE as error:
-            raise Ros2Error(f"{self.topic}: a damaged message ({type(error).__name__} {error})") from None
+            raise BridgeError(f"{self.topic}: a damaged message ({type(error).__name__} {error})") from None
 
     def close(self) -> None:
         """Unsubscribe: first what waits for the reader, since Cyclone DDS may give its handle to a new entity."""
@@ -116,8 +116,8 @@ class Subscription:
 
 
 class Node:
-    """A DDS participant in one domain. before: additional configuration of Cyclone DDS. Raises Ros2Error if that cannot
-    create it."""
+    """A DDS participant in one domain. before: additional configuration of Cyclone DDS. Raises BridgeError if that
+    cannot create it."""
 
     def __init__(self, discovery: Discovery, before: str = "") -> None:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
@@ -129,7 +129,7 @@ class Node:
             self._domain = Domain(domain, config) if config else None
             self._participant = DomainParticipant(domain)
         except DDSException as error:
-            raise Ros2Error(f"ROS 2: no DDS participant in domain {domain} ({error.msg})") from None
+            raise BridgeError(f"ROS 2: no DDS participant in domain {domain} ({error.msg})") from None
         self._publications: Any = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
 
     def publisher(
@@ -168,7 +168,7 @@ def wait_for(answer: Callable[[], Answer | None], timeout_s: float) -> Answer | 
 
 @cache
 def shared_node() -> Node:
-    """This process's node, configured by the environment. Raises Ros2Error, or MissingExtraError without the extra."""
+    """This process's node, configured by the environment. Raises BridgeError, MissingExtraError without the extra."""
     need("ros2", "ROS 2")
     return Node(discovery_from(os.environ), os.environ.get("CYCLONEDDS_URI", ""))
 

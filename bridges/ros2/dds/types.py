@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from edgemap.bridges.ros2.messages.definitions import FIELDS
-from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.runtime.frames.errors import BridgeError
 
 PRIMITIVES = {"byte", "float32", "float64", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"}
 TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
@@ -82,9 +82,9 @@ def _made_of(kind: Any, data: bytes, *_: Any, **__: Any) -> Any:
 
 
 def dds_topic(topic: str) -> str:
-    """`/tf` as `rt/tf`. Raises Ros2Error unless the name is absolute."""
+    """`/tf` as `rt/tf`. Raises BridgeError unless the name is absolute."""
     if not TOPIC.fullmatch(topic) or "__" in topic:
-        raise Ros2Error(f"{topic!r} is no ROS 2 topic: slashes, letters, digits and single underscores")
+        raise BridgeError(f"{topic!r} is no ROS 2 topic: slashes, letters, digits and single underscores")
     return "rt" + topic
 
 

@@ -142,5 +142,5 @@ class MessageStream:
 
 @lru_cache(maxsize=2)
 def encoded(frame: Frame, lossless: bool = False) -> bytes:
-    """A frame's picture as JPEG or PNG, encoded once for all that send it. Raises RecordingError."""
+    """A frame's picture as JPEG or PNG, encoded once for all that send it. Raises BridgeError."""
     return png(frame.image, quickly=True) if lossless else jpeg(frame.image, 90)

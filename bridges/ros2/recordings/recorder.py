@@ -32,7 +32,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.camera import CameraInfo
 from edgemap.runtime.frames.disk import append
-from edgemap.runtime.frames.errors import DiskError, RecordingError
+from edgemap.runtime.frames.errors import BridgeError, DiskError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.frames.trajectory import Trajectory
@@ -51,7 +51,7 @@ class McapFile:
     Chunks are not compressed: pictures are already, and any reader supports that. A full chunk is handed to the
     operating system at once, completely or not at all. A chunk that the disk cannot take waits in memory; until it is
     written, new messages are dropped, and later ones continue in the same file.
-    Raises RecordingError where the file exists, DiskError where the disk cannot be written.
+    Raises BridgeError where the file exists, DiskError where the disk cannot be written.
     """
 
     def __init__(self, path: Path, record: dict[str, str], attachments: dict[str, bytes]) -> None:
@@ -64,7 +64,7 @@ class McapFile:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.open("xb").close()
         except FileExistsError:
-            raise RecordingError(f"{path} exists already; choose another file") from None
+            raise BridgeError(f"{path} exists already; choose another file") from None
         except OSError as error:
             raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
         self._stream: Any = _Chunks(path)
@@ -100,7 +100,7 @@ class McapFile:
 
     def _written(self, write: Any, *arguments: Any, **options: Any) -> None:
         if not self._open:
-            raise RecordingError(f"{self.path}: recording is closed")
+            raise BridgeError(f"{self.path}: recording is closed")
         self._stream.flush()  # what waits since the disk did not take it
         write(*arguments, **options)
         self._stream.flush()  # nothing where the chunk is not full
@@ -131,7 +131,7 @@ class Recorder(Sink):
     """Frames, and as a sink a run's results, into an MCAP file. lossless: PNG instead of JPEG.
 
     info: the camera, with wheel odometry and truth where those are recorded. Poses that come live are left out. Raises
-    RecordingError, or DiskError where the disk cannot be written: those results are missing, and later ones continue in
+    BridgeError, or DiskError where the disk cannot be written: those results are missing, and later ones continue in
     the same file.
     """
 
@@ -184,7 +184,7 @@ class Recorder(Sink):
         """Record an edit, as a line of edits.jsonl, at the picture before it. One that the disk does not take, or that
         comes after the end of the file, is missing in a replay."""
         stamp_ns = self._last[0] if self._last is not None else 0
-        with suppress(DiskError, RecordingError):
+        with suppress(DiskError, BridgeError):
             self._file.write(EDITS, stamp_ns, {"data": line})
 
     def close(self) -> None:
@@ -213,7 +213,7 @@ def file_of(text: str) -> tuple[Path, bool]:
 def open(address: str, run: RunInfo) -> Recorder:
     """The sink of `--record [lossless:]FILE.mcap`, with lens, mount, inference, guess, wheels and edits of the run.
 
-    Raises RecordingError, DiskError or CameraError.
+    Raises BridgeError, DiskError or CameraError.
     """
     floor, guess = run.floor, run.guess or {}
     info = replace(

@@ -11,7 +11,7 @@ from edgemap.bridges.ros2.messages.definitions import RosClock, definition, ros_
 from edgemap.bridges.ros2.messages.topics import KINDS, FrameIds
 from edgemap.bridges.ros2.sink import Ros2Options
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import OdometryError, Ros2Error, UsageError
+from edgemap.runtime.frames.errors import BridgeError, OdometryError, UsageError
 from edgemap.runtime.frames.trajectory import AHEAD_S, GrowingTrack
 from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 
@@ -26,7 +26,7 @@ def test_topics_and_types_are_mangled_as_ros_2_does():
 
 @pytest.mark.parametrize("topic", ["tf", "/", "/a//b", "/a b", "/1a", "/a__b", "/a/"])
 def test_what_ros_2_refuses_is_refused(topic):
-    with pytest.raises(Ros2Error, match="is no ROS 2 topic"):
+    with pytest.raises(BridgeError, match="is no ROS 2 topic"):
         dds_topic(topic)
 
 
@@ -64,7 +64,7 @@ WRONG = ({"ROS_DOMAIN_ID": "233"}, {"ROS_DOMAIN_ID": "-1"}, {"ROS_AUTOMATIC_DISC
 
 @pytest.mark.parametrize("environment", [*WRONG, {"ROS_STATIC_PEERS": "<a>"}])
 def test_settings_that_cannot_be_are_named(environment):
-    with pytest.raises(Ros2Error, match=next(iter(environment))):
+    with pytest.raises(BridgeError, match=next(iter(environment))):
         discovery_from(environment)
 
 

@@ -17,7 +17,7 @@ from support.steps import Steps
 
 from edgemap.geometry.objects.events import EditError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraState, Ros2Error
+from edgemap.runtime.frames.errors import BridgeError, CameraState
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edit_queue import Edits
@@ -146,7 +146,7 @@ def test_a_pose_of_rviz_is_an_edit(node):
     assert edit.sigmas == pytest.approx((0.5, 0.5, math.radians(15.0)))
     for _, answer in got:
         answer.set_exception(EditError("too far"))
-    with pytest.raises(Ros2Error, match=r"^/initialpose: too far$"):
+    with pytest.raises(BridgeError, match=r"^/initialpose: too far$"):
         sink.write(result, objects)
     sink.close()
 
