@@ -73,7 +73,7 @@ class FoxgloveServer:
         for outgoing in messages:
             channel = self._channels[outgoing.topic]
             if channel.has_sinks():
-                channel.log(encoder(outgoing.kind)(outgoing.make()), log_time=outgoing.stamp_ns)
+                channel.log(encoder(topics.KINDS[outgoing.topic])(outgoing.make()), log_time=outgoing.stamp_ns)
         if self.annotations.has_sinks():
             self.annotations.log(image_annotations(to_ns(result.pictured.stamp_s), result), log_time=stamp_ns)
         self._server.broadcast_time(stamp_ns)

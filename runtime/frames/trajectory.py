@@ -113,10 +113,6 @@ class GrowingTrack:
         self.restarts = self._raised = 0  # the latter: those that `at` has raised
 
     @property
-    def _newest_s(self) -> float:
-        return self._stamps[-1] if self._stamps else -math.inf
-
-    @property
     def stamps_s(self) -> NDArray[np.float64]:
         """Stamps of the stored poses."""
         return np.array(self._stamps)

@@ -53,7 +53,7 @@ class TopicTrack(GrowingTrack):
 
     def at(self, stamp_s: float, tolerance_s: float = 0.0) -> SE2:
         """The pose as of a GrowingTrack, after waiting for messages."""
-        for message in self._messages.take_while(lambda: self._newest_s < stamp_s, self._late_s):
+        for message in self._messages.take_while(lambda: not self._stamps or self._stamps[-1] < stamp_s, self._late_s):
             self._add(message)
         return super().at(stamp_s, tolerance_s)
 

@@ -16,7 +16,8 @@ Message = dict[str, Any]  # a message by field name; fields that are left out ar
 
 _, *_SECTIONS = Path(__file__).with_name("definitions.txt").read_text().split("\nMSG: ")
 FIELDS = {kind: fields.strip() for kind, _, fields in (section.partition("\n") for section in _SECTIONS)}
-DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError)  # what a decoder raises at damaged bytes
+# What a decoder raises at damaged bytes. MemoryError: a length that no file has.
+DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError, MemoryError, EOFError)
 
 
 def definition(kind: str) -> str:

@@ -34,11 +34,6 @@ class Outgoing:
     stamp_ns: int
     make: Callable[[], Message]
 
-    @property
-    def kind(self) -> str:
-        """Its ROS 2 type, `nav_msgs/msg/Odometry`."""
-        return topics.KINDS[self.topic]
-
 
 @dataclass(slots=True)
 class MessageStream:

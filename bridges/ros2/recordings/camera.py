@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from itertools import chain, islice
 from typing import Any
 
@@ -223,15 +223,17 @@ def _info_topic(recording: Reading, topic: str) -> str | None:
 
 def _rate_hz(recording: Reading, topic: str) -> float | None:
     """From the first pictures' times of recording."""
-    times = [log_ns for log_ns, _ in islice(recording.messages(topic), 30)]
-    span_s = to_s(times[-1] - times[0])
+    times = list[int]()
+    with suppress(CameraError):  # of a damaged one; the camera reports it in its place
+        times.extend(log_ns for log_ns, _ in islice(recording.messages(topic), 30))
+    span_s = to_s(times[-1] - times[0]) if times else 0.0
     return (len(times) - 1) / span_s if span_s > 0 else None
 
 
 def _values(recording: Reading, topic: str) -> Iterator[tuple[int, Any]]:
     """Log time in ns and value of each std_msgs message of a topic; none where there is no such topic."""
     messages = recording.messages(topic) if topic in recording.topics else ()
-    return ((log_ns, decode().data) for log_ns, decode in messages)
+    return ((log_ns, message.data) for log_ns, message in messages)
 
 
 def _unsearched(recording: Reading) -> set[int]:

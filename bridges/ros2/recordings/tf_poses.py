@@ -30,8 +30,8 @@ def tf_poses(recording: Reading, frames: str, mount: Mount, first_s: float) -> G
     """
     chain, dropped, rows = TfChain(frames, f"{recording.path}"), list[str](), dict[int, tuple[Array, Array]]()
     for topic in (TF_STATIC, TF):
-        for log_ns, decode in recording.messages(topic) if topic in recording.topics else ():
-            if (taken := chain.take(decode(), dropped, log_ns)) is not None:
+        for log_ns, message in recording.messages(topic) if topic in recording.topics else ():
+            if (taken := chain.take(message, dropped, log_ns)) is not None:
                 rows[taken[0]] = chain.map_odom, taken[1]
     note_dropped(f"{recording.path}: tf", dropped, len(rows) + len(dropped))
     base = chain.base
@@ -62,8 +62,8 @@ def _corrected(recording: Reading, top: str, stamps_s: Array, map_odom: Array, p
     for topic in recording.topics_of(PATH):
         nodes = NodePath(top)
         with suppress(CameraError):  # damaged: those before count
-            for _, decode in recording.messages(topic):
-                nodes.take(decode())
+            for _, message in recording.messages(topic):
+                nodes.take(message)
         if (moved := nodes.through(stamps_s, odom, poses, corrections)) is not None:
             print_message(f"{recording.path}: corrections of tf are spread as {topic} has them")
             return moved
