@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -176,11 +176,11 @@ Pictures = Iterator[Picture | CameraFault]
 
 class FileCamera(Camera):
     """A finite source. pictures: in order, with a fault in place of each that is skipped; what they raise ends it.
-    resources: closed with it."""
+    release: frees what they come from; may be called twice."""
 
-    def __init__(self, info: CameraInfo, pictures: Pictures, resources: ExitStack) -> None:
+    def __init__(self, info: CameraInfo, pictures: Pictures, release: Callable[[], object] = lambda: None) -> None:
         super().__init__(info)
-        self._pictures, self._resources = pictures, resources
+        self._pictures, self._release = pictures, release
 
     def read(self) -> Frame | None:
         """The next picture; None after the last. Raises CameraFault for one that is skipped, and CameraError where the
@@ -196,7 +196,7 @@ class FileCamera(Camera):
     def close(self) -> None:
         """Deliver nothing more."""
         self._pictures = iter(())
-        self._resources.close()
+        self._release()
 
 
 LEAST_SIDE_PX = 32  # of a picture: a box of 24 px is the smallest that counts

@@ -164,11 +164,8 @@ def _reason(why: Exception, tree: Any) -> str:
             return one_line(why)
     if place is None or not isinstance(tree, str | int | float | None) or "missing" in str(why):
         return one_line(why)
-    return f"{one_line(why)}, found {one_line(_short(tree), 100)}"
-
-
-def _short(value: object) -> str:
-    return repr(value) if not isinstance(value, int) or abs(value) < 1 << 64 else "a huge number"
+    huge = isinstance(tree, int) and abs(tree) >= 1 << 64
+    return f"{one_line(why)}, found {'a huge number' if huge else one_line(repr(tree), 100)}"
 
 
 class FileNameError(EdgemapError):

@@ -43,7 +43,7 @@ class Ros2Topic(Driver):
 
     def open(self) -> Self:
         """Subscribe. Raises CameraError where no such topic is published, or no picture arrives."""
-        kind = self._node.kind_of(self._topic, WAIT_S)
+        kind = wait_for(lambda: self._node.published().get(self._topic), WAIT_S)
         if kind is None or short(kind) not in PICTURE_KINDS:
             published = sorted(self._node.published().items())
             others = ", ".join(name for name, known in published if short(known) in PICTURE_KINDS) or "none"

@@ -153,10 +153,6 @@ class Node:
             if (getattr(sample, "topic_name", None) or "").startswith("rt/")  # None: its publisher has left
         }
 
-    def kind_of(self, topic: str, timeout_s: float) -> str | None:
-        """Waits until a topic is published and returns its type; None if it is not published within the time."""
-        return wait_for(lambda: self.published().get(topic), timeout_s)
-
 
 def wait_for(answer: Callable[[], Answer | None], timeout_s: float) -> Answer | None:
     """The first answer that is not None; None where there is none within the time."""

@@ -79,7 +79,7 @@ def recording_camera(spec: str, how: CameraOptions = CameraOptions()) -> FileCam
             known["wheel"] = wheels_of(recording, how.topics.wheels)
         count, poses = recording.topics[topic].count, tf if TF in recording.topics else None
         info = CameraInfo(spec, (width, height), frame_count=count, tf=poses, **known)
-        return FileCamera(info, chain(ahead, pictures), resources.pop_all())
+        return FileCamera(info, chain(ahead, pictures), resources.pop_all().close)
 
 
 def _choose(recording: Reading, topic: str, others: Collection[str | None]) -> tuple[str, dict[str, str]]:

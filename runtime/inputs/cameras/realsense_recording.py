@@ -36,7 +36,7 @@ def open_recording(path: Path, name: str, how: CameraOptions) -> FileCamera:
             resources.enter_context(closing(depth))
         size, rate_hz = picture_size(playback.profile), float(playback.profile.fps())
         info = CameraInfo(name, size, lens, how.mount, rate_hz=rate_hz, imu=imu)
-        return FileCamera(info, _pictures(playback, depth, path), resources.pop_all())
+        return FileCamera(info, _pictures(playback, depth, path), resources.pop_all().close)
 
 
 def _pictures(playback: Playback, depth: DepthBeside | None, path: Path) -> Pictures:

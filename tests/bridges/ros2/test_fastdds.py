@@ -30,7 +30,7 @@ pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ro
 from edgemap.bridges.ros2.dds.camera import Ros2Camera, Ros2SensorsCamera
 from edgemap.bridges.ros2.dds.depth import DepthTopic
 from edgemap.bridges.ros2.dds.discovery import Discovery
-from edgemap.bridges.ros2.dds.node import Node, Reliability
+from edgemap.bridges.ros2.dds.node import Node, Reliability, wait_for
 from edgemap.bridges.ros2.dds.sources import WheelTopic
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
@@ -184,7 +184,7 @@ def test_a_late_reader_gets_a_picture_of_300_kb_from_fast_dds(program, node, tmp
     jpeg = tmp_path / "a.jpg"
     assert cv2.imwrite(str(jpeg), picture)
     with Peer(program, "publish", f"rt/in/picture,{kind},latched,1,{jpeg}"):
-        assert node.kind_of("/in/picture", 30.0) == f"sensor_msgs/msg/{kind}"
+        assert wait_for(lambda: node.published().get("/in/picture"), 30.0) == f"sensor_msgs/msg/{kind}"
         time.sleep(0.3)  # the picture is out by now
         reader = node.subscription("/in/picture", f"sensor_msgs/msg/{kind}", Reliability.LATCHED)
         assert reader.wait(30.0)
