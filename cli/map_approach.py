@@ -100,7 +100,7 @@ def publish_goal(pose: "SE2") -> None:
     from edgemap.bridges.ros2.messages.build import goal_pose
 
     limit_s = 5.0
-    publisher = shared_node().publisher(topics.GOAL, topics.KINDS[topics.GOAL])
+    publisher = shared_node().publisher(topics.GOAL, topics.GOAL.kind)
     until_s = time.monotonic() + limit_s
     while not publisher.wanted:
         if time.monotonic() > until_s:

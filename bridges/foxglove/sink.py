@@ -51,12 +51,11 @@ class FoxgloveServer:
         self._channels = {
             topic: foxglove.Channel(
                 topic,
-                schema=foxglove.Schema(name=kind, encoding="ros2msg", data=definition(kind).encode()),
+                schema=foxglove.Schema(name=topic.kind, encoding="ros2msg", data=definition(topic.kind).encode()),
                 message_encoding="cdr",
                 context=context,
             )
             for topic in SENT
-            for kind in (topics.KINDS[topic],)
         }
         self.annotations = ImageAnnotationsChannel(ANNOTATIONS, context=context)
 
@@ -73,7 +72,7 @@ class FoxgloveServer:
         for outgoing in messages:
             channel = self._channels[outgoing.topic]
             if channel.has_sinks():
-                channel.log(encoder(topics.KINDS[outgoing.topic])(outgoing.make()), log_time=outgoing.stamp_ns)
+                channel.log(encoder(outgoing.topic.kind)(outgoing.make()), log_time=outgoing.stamp_ns)
         if self.annotations.has_sinks():
             self.annotations.log(image_annotations(to_ns(result.pictured.stamp_s), result), log_time=stamp_ns)
         self._server.broadcast_time(stamp_ns)

@@ -18,7 +18,7 @@ from edgemap.bridges.ros2.messages import build, topics
 from edgemap.bridges.ros2.messages.definitions import RosClock
 from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics, label_info
 from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
-from edgemap.bridges.ros2.messages.topics import FrameIds
+from edgemap.bridges.ros2.messages.topics import FrameIds, Topic
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
@@ -74,7 +74,7 @@ class Ros2Options:
         return cls(words.get("namespace", NAMESPACE), ids, pictures, not reliable, odom_tf)
 
     @property
-    def published(self) -> tuple[str, ...]:
+    def published(self) -> tuple[Topic, ...]:
         """The topics, without the namespace."""
         return PUBLISHED + PICTURES * self.pictures
 
@@ -108,8 +108,8 @@ class Ros2Sink(Sink):
         self._publishers = {topic: self._publisher(node, topic) for topic in options.published}
         self._asked: Future[str] | None = None  # the newest pose, until it is taken or refused
         self._goals: deque[SE2] = deque(maxlen=8)
-        self._goal = node.publisher(topics.GOAL, topics.KINDS[topics.GOAL])
-        self._initial_pose = node.subscription(INITIAL_POSE, topics.KINDS[topics.POSE])
+        self._goal = node.publisher(topics.GOAL, topics.GOAL.kind)
+        self._initial_pose = node.subscription(INITIAL_POSE, topics.POSE.kind)
         by_ros = run.camera.info.name.startswith("ros2:")
         self._clock = RosClock((lambda: -run.camera.clock_offset_s) if by_ros else None)
         info = label_info(time.time_ns(), run.classes, run.threshold, options.frames.optical)
@@ -167,10 +167,10 @@ class Ros2Sink(Sink):
         self._publishers.clear()
         self._initial_pose.close()
 
-    def _publisher(self, node: Node, topic: str) -> Publisher:
+    def _publisher(self, node: Node, topic: Topic) -> Publisher:
         name = self._options.topic(topic)
         depth = 1 if topic in LATCHED[1:] else 100 if topic == topics.TF else 10
-        return node.publisher(name, topics.KINDS[topic], self._options.reliability(topic), depth)
+        return node.publisher(name, topic.kind, self._options.reliability(topic), depth)
 
 
 def pose_edit(message: Any) -> Edit:

@@ -13,7 +13,7 @@ from edgemap.bridges.ros2.dds.node import Node, Subscription, wait_for
 from edgemap.bridges.ros2.dds.sources import WAIT_S, TfListener, WheelTopic
 from edgemap.bridges.ros2.dds.tf_poses import live_tf_poses
 from edgemap.bridges.ros2.messages.definitions import RosClock, ns_of, to_s
-from edgemap.bridges.ros2.messages.topics import IMU, INFO, KINDS
+from edgemap.bridges.ros2.messages.topics import IMU, INFO
 from edgemap.bridges.ros2.recordings.foreign import FLOOR_FRAME, info_topics, lens_of, mount_of, push_message
 from edgemap.bridges.ros2.recordings.pictures import PICTURE_KINDS
 from edgemap.bridges.ros2.recordings.reading import short
@@ -51,7 +51,7 @@ class Ros2Topic(Driver):
             raise CameraError(f"camera {self.name}: {what} within {WAIT_S:.0f} s (topics with pictures: {others})")
         self._decode = PICTURE_KINDS[short(kind)]
         # Asked for before the first picture, so that they come beside it.
-        infos = [self._node.subscription(info, KINDS[INFO]) for info in info_topics(self._topic)]
+        infos = [self._node.subscription(info, INFO.kind) for info in info_topics(self._topic)]
         self._pictures = self._node.subscription(self._topic, kind, depth=2)
         self._first = self._next(WAIT_S)
         if self._first is None:
@@ -119,7 +119,7 @@ class Ros2SensorsCamera(CameraAround):
             self.update_info(wheel=WheelTopic(node, topics.wheels, lambda: self._offset_s))
         self._imu: tuple[Subscription, ImuBuffer] | None = None
         if topics.imu is not None:
-            samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)
+            samples = node.subscription(topics.imu, IMU.kind, depth=2000)
             optical = camera.optical if by_ros else topics.optical
             self._imu = samples, ImuBuffer(_rotation(node, topics.imu, samples, optical))
 

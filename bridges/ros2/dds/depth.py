@@ -8,7 +8,7 @@ from typing import Any
 from edgemap.bridges.ros2.dds.node import Node, Subscription
 from edgemap.bridges.ros2.dds.sources import LATE_S
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
-from edgemap.bridges.ros2.messages.topics import INFO, KINDS
+from edgemap.bridges.ros2.messages.topics import INFO
 from edgemap.bridges.ros2.recordings.foreign import info_topics, lens_of
 from edgemap.bridges.ros2.recordings.pictures import READERS, aligned
 from edgemap.bridges.ros2.recordings.reading import short
@@ -74,7 +74,7 @@ class DepthTopic:
         self._kind = kinds.get(topic or "", "")
         if topic is None or self._kind not in READERS:
             return None
-        self._infos = [self._node.subscription(info, KINDS[INFO], depth=1) for info in info_topics(topic)]
+        self._infos = [self._node.subscription(info, INFO.kind, depth=1) for info in info_topics(topic)]
         self._messages = self._node.subscription(topic, self._kind.replace("/", "/msg/"), depth=KEPT)
         return self._messages
 

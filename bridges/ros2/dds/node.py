@@ -8,8 +8,8 @@ from functools import cache
 from typing import Any, TypeVar
 
 from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
-from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, ros_kind, sample_type
-from edgemap.bridges.ros2.messages.definitions import DAMAGE, Message, decoder, encoder
+from edgemap.bridges.ros2.dds.types import dds_topic, dds_type, ros_kind, sample_type
+from edgemap.bridges.ros2.messages.definitions import DAMAGE, HASHES, Message, decoder, encoder
 from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.extras import need
 
@@ -190,6 +190,7 @@ def _qos(kind: str, reliability: Reliability, depth: int) -> Any:
         Policy.History.KeepLast(depth),
         Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
     ]
-    if kind in HASHES:  # ROS 2 since Iron identifies types by it, and warns if it is missing
-        policies.append(Policy.Userdata(f"typehash=RIHS01_{HASHES[kind]};".encode()))
+    if (type_hash := HASHES.get(kind.replace("/msg/", "/"))) is not None:
+        # ROS 2 since Iron identifies types by it, and warns if it is missing.
+        policies.append(Policy.Userdata(f"typehash=RIHS01_{type_hash};".encode()))
     return Qos(*policies)

@@ -14,8 +14,10 @@ from edgemap.runtime.frames.errors import BridgeError
 
 Message = dict[str, Any]  # a message by field name; fields that are left out are zero
 
-_, *_SECTIONS = Path(__file__).with_name("definitions.txt").read_text().split("\nMSG: ")
-FIELDS = {kind: fields.strip() for kind, _, fields in (section.partition("\n") for section in _SECTIONS)}
+_TEXT = Path(__file__).with_name("definitions.txt").read_text()
+_KINDS = re.findall(r"^MSG: (\S+) ?(\S*)\n(.*?)\s*(?=^MSG|\Z)", _TEXT, re.MULTILINE | re.DOTALL)
+FIELDS = {kind: fields for kind, _, fields in _KINDS}
+HASHES = {kind: type_hash for kind, type_hash, _ in _KINDS if type_hash}  # RIHS01
 # What a decoder raises at damaged bytes. MemoryError: a length that no file has.
 DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError, MemoryError, EOFError)
 

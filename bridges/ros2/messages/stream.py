@@ -12,7 +12,7 @@ from edgemap.bridges.ros2.messages.map_messages import (
     markers,
     scan_message,
 )
-from edgemap.bridges.ros2.messages.topics import FrameIds
+from edgemap.bridges.ros2.messages.topics import FrameIds, Topic
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
@@ -30,7 +30,7 @@ MAP_EVERY = 10  # frames between two maps
 class Outgoing:
     """One message to send. make: builds it on demand."""
 
-    topic: str
+    topic: Topic
     stamp_ns: int
     make: Callable[[], Message]
 

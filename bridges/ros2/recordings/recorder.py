@@ -18,13 +18,13 @@ from edgemap.bridges.ros2.messages.topics import (
     GRID,
     IDS,
     IMU,
-    KINDS,
     OBJECTS,
     SEARCHED,
     STAMPS,
     TRUTH,
     WHEEL,
     FrameIds,
+    Topic,
 )
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, facts_record, trajectory_file
 from edgemap.bridges.ros2.recordings.pictures import encoded_depth
@@ -78,9 +78,9 @@ class McapFile:
         for name, data in attachments.items():
             self._written(self._writer.add_attachment, 0, 0, name, "application/json", data)
 
-    def write(self, topic: str, stamp_ns: int, message: Message) -> None:
+    def write(self, topic: Topic, stamp_ns: int, message: Message) -> None:
         """Append a message at a stamp."""
-        channel, kind = self._channels.get(topic), KINDS[topic]
+        channel, kind = self._channels.get(topic), topic.kind
         if channel is None:
             if kind not in self._schemas:
                 text = definition(kind).encode()
@@ -138,7 +138,7 @@ class Recorder(Sink):
     def __init__(self, path: Path, info: CameraInfo, *, lossless: bool = False) -> None:
         self.path, self.name, self.frames = path, f"recording {path.name}", 0
         self._stream = MessageStream(info.intrinsics, info.mount, lossless=lossless)
-        rows, attachments = list[tuple[int, str, SE2, FrameIds]](), dict[str, bytes]()
+        rows, attachments = list[tuple[int, Topic, SE2, FrameIds]](), dict[str, bytes]()
         for topic, name, track, ids in (WHEEL, WHEEL_FILE, info.wheel, IDS), (TRUTH, TRUTH_FILE, info.truth, TRUTH_IDS):
             if isinstance(track, Trajectory):
                 attachments[name] = trajectory_file(track)

@@ -6,9 +6,10 @@ import pytest
 from support.faults import made, texts
 
 from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
-from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, in_namespace, ros_kind
-from edgemap.bridges.ros2.messages.definitions import RosClock, definition, ros_offset_s
-from edgemap.bridges.ros2.messages.topics import KINDS, FrameIds
+from edgemap.bridges.ros2.dds.types import dds_topic, dds_type, in_namespace, ros_kind
+from edgemap.bridges.ros2.messages import topics
+from edgemap.bridges.ros2.messages.definitions import HASHES, RosClock, definition, ros_offset_s
+from edgemap.bridges.ros2.messages.topics import FrameIds
 from edgemap.bridges.ros2.sink import Ros2Options
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import BridgeError, OdometryError, UsageError
@@ -30,10 +31,13 @@ def test_what_ros_2_refuses_is_refused(topic):
         dds_topic(topic)
 
 
-@pytest.mark.parametrize("kind", sorted({*HASHES, *KINDS.values()}))
+KINDS = {topic.kind for topic in vars(topics).values() if isinstance(topic, topics.Topic)}
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS | {kind.replace("/", "/msg/") for kind in HASHES}))
 def test_type_hashes_are_those_of_rosbags(kind):
     """From our definitions; and of Jazzy's and Lyrical's own, where rosbags has them (vision_msgs it has not)."""
-    ours, typesys = f"RIHS01_{HASHES[kind]}", pytest.importorskip("rosbags.typesys")
+    ours, typesys = f"RIHS01_{HASHES[kind.replace('/msg/', '/')]}", pytest.importorskip("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.EMPTY)
     store.register(typesys.get_types_from_msg(definition(kind), kind))
     assert store.hash_rihs01(kind) == ours
