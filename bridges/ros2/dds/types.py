@@ -10,7 +10,6 @@ from typing import Any
 from edgemap.bridges.ros2.messages.definitions import FIELDS
 from edgemap.runtime.frames.errors import BridgeError
 
-PRIMITIVES = {"byte", "float32", "float64", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"}
 TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
@@ -37,12 +36,10 @@ def _field(text: str) -> Any:
     from cyclonedds.idl import types
 
     base, size = re.fullmatch(r"([\w/]+?)(\[\d*\])?", text).groups()  # type: ignore[union-attr]
-    if base in PRIMITIVES:
-        inner: Any = getattr(types, base)
-    elif base in ("string", "bool"):
-        inner = {"string": str, "bool": bool}[base]
+    if "/" in base:
+        inner: Any = sample_type(base.replace("/", "/msg/"))
     else:
-        inner = sample_type(base.replace("/", "/msg/"))
+        inner = {"string": str, "bool": bool}.get(base) or getattr(types, base)
     if size is None:
         return inner
     return types.sequence[inner] if size == "[]" else types.array[inner, int(size[1:-1])]

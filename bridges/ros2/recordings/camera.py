@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, closing, suppress
+from dataclasses import replace
 from itertools import chain, islice
 from typing import Any
 
@@ -72,13 +73,13 @@ def recording_camera(spec: str, how: CameraOptions = CameraOptions()) -> FileCam
                 return tf_poses(again, frames, mount, first_s)
 
         if ours:
-            known = _recorded(recording, topic, how)
+            info = _recorded(recording, topic, how)
         else:
-            known = _foreign(recording, topic, how, (width, height), levels, kinds, beside)
+            info = _foreign(recording, topic, how, (width, height), levels, kinds, beside)
         if how.topics.wheels:
-            known["wheel"] = wheels_of(recording, how.topics.wheels)
+            info = replace(info, wheel=wheels_of(recording, how.topics.wheels))
         count, poses = recording.topics[topic].count, tf if TF in recording.topics else None
-        info = CameraInfo(spec, (width, height), frame_count=count, tf=poses, **known)
+        info = replace(info, name=spec, size=(width, height), frame_count=count, tf=poses)
         return FileCamera(info, chain(ahead, pictures), resources.pop_all().close)
 
 
@@ -147,27 +148,24 @@ def _pictures(recording: Reading, topic: str, name: str, levels: Levels, depth: 
         raise CameraError(f"{recording.path}: cut off, the {count} complete pictures before it were read")
 
 
-def _recorded(recording: Reading, topic: str, how: CameraOptions) -> dict[str, Any]:
-    """Lens, mount, rate, truth, wheels and IMU as edgemap wrote them: fields of `CameraInfo`."""
-    facts = read_facts(recording.metadata[RECORD], f"{recording.path}")
-    found: dict[str, Any] = {
-        "intrinsics": how.intrinsics or facts.intrinsics,
-        "mount": how.mount or facts.mount,
-        "rate_hz": facts.rate_hz,
-        "inference": facts.inference,
-        "calibration": facts.calibration,
-        "edits": tuple(str(line) for _, line in _values(recording, EDITS)),
-    }
+def _recorded(recording: Reading, topic: str, how: CameraOptions) -> CameraInfo:
+    """Lens, mount, rate, truth, wheels and IMU as edgemap wrote them."""
+    info, imu = read_facts(recording.metadata[RECORD], f"{recording.path}"), None
     if how.topics.imu is not None:
         frame_id = recording.first(topic).header.frame_id
-        found["imu"] = imu_of(recording, tf_of(recording), frame_id, how.topics.imu)[1]
+        imu = imu_of(recording, tf_of(recording), frame_id, how.topics.imu)[1]
     elif IMU in recording.topics:
-        found["imu"] = read_imu(recording, IMU)
-    if how.topics.wheels is None and WHEEL_FILE in recording.attachments:
-        found["wheel"] = wheels_of(recording)
-    if TRUTH_FILE in recording.attachments:
-        found["truth"] = read_trajectory_file(recording.attachments[TRUTH_FILE], f"{recording.path}: {TRUTH_FILE}")
-    return found
+        imu = read_imu(recording, IMU)
+    truth = recording.attachments.get(TRUTH_FILE)
+    return replace(
+        info,
+        intrinsics=how.intrinsics or info.intrinsics,
+        mount=how.mount or info.mount,
+        edits=tuple(str(line) for _, line in _values(recording, EDITS)),
+        imu=imu,
+        wheel=wheels_of(recording) if how.topics.wheels is None and WHEEL_FILE in recording.attachments else None,
+        truth=None if truth is None else read_trajectory_file(truth, f"{recording.path}: {TRUTH_FILE}"),
+    )
 
 
 def _foreign(
@@ -178,9 +176,9 @@ def _foreign(
     levels: Levels,
     kinds: Mapping[str, str],
     depth: str | None,
-) -> dict[str, Any]:
-    """Lens, mount, rate and IMU from CameraInfo and tf, and what was taken and what was not as notes: fields of
-    `CameraInfo`. size: of the pictures, px. kinds: of pictures, by topic, where they are known. depth: its topic."""
+) -> CameraInfo:
+    """Lens, mount, rate and IMU from CameraInfo and tf, and what was taken and what was not as notes. size: of the
+    pictures, px. kinds: of pictures, by topic, where they are known. depth: its topic."""
     lens, info = how.intrinsics, None
     if lens is None and (info := _info_topic(recording, topic)):
         lens = lens_of(recording.first(info), topic, f"{recording.path}", size)
@@ -196,7 +194,7 @@ def _foreign(
     left = [f"{name} ({_unused(recording, name, kinds)})" for name in recording.topics if name not in uses]
     lines = [f"{title}: " + ", ".join(some) for title, some in (("taken", taken), ("not taken", left)) if some]
     notes = (*lines, *([text] if text else []), *levels.notes)
-    return {"intrinsics": lens, "mount": mount, "imu": imu, "rate_hz": _rate_hz(recording, topic), "notes": notes}
+    return CameraInfo("", intrinsics=lens, mount=mount, rate_hz=_rate_hz(recording, topic), imu=imu, notes=notes)
 
 
 def _unused(recording: Reading, name: str, kinds: Mapping[str, str]) -> str:
