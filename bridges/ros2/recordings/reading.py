@@ -56,9 +56,11 @@ class Reading:
         """(stamp in ns, header's stamp, message, fault) as `followed` has it, by the headers' stamps, or the log times
         where no header has one: two clocks never mix. A zero stamp among others is dropped. The first fault says where
         log times are taken. Raises CameraError."""
-        by_log = True
+        by_log = not self.metadata  # edgemap's stamps may begin at zero
         with suppress(CameraError):  # which is raised below, behind the messages before it
-            by_log = not any(ns_of(message.header.stamp) for _, message in islice(self.messages(topic), AGREEING))
+            by_log = by_log and not any(
+                ns_of(message.header.stamp) for _, message in islice(self.messages(topic), AGREEING)
+            )
         unstamped = "its headers have no stamps, the times of recording are taken" if by_log else ""
         rows = self.messages(topic)
         stamped = ((log_ns if by_log else ns_of(message.header.stamp), log_ns, message) for log_ns, message in rows)
