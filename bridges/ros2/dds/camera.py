@@ -26,6 +26,7 @@ from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
+from edgemap.runtime.inputs.drives.pictures import Levels
 
 
 class Ros2Topic(Driver):
@@ -39,7 +40,7 @@ class Ros2Topic(Driver):
 
     def __init__(self, node: Node, topic: str, depth: DepthTopic | None = None) -> None:
         self.name = f"ros2:{topic}"
-        self._node, self._topic, self._depth = node, topic, depth
+        self._node, self._topic, self._depth, self._levels = node, topic, depth, Levels()
 
     def open(self) -> Self:
         """Subscribe. Raises CameraError where no such topic is published, or no picture arrives."""
@@ -83,7 +84,7 @@ class Ros2Topic(Driver):
         if message is None:
             return None
         stamp_s = to_s(ns_of(message.header.stamp)) or time.time()
-        return stamp_s, self._decode(message, self.name), message.header.frame_id
+        return stamp_s, self._decode(message, self.name, self._levels), message.header.frame_id
 
 
 class Ros2Camera(LiveCamera):
