@@ -16,6 +16,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import NO_DEPTH
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.limits import EVERY_S
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.inputs.drives.pictures import APART_S, Depth
 
 KEPT = 6  # depth pictures that may belong to a picture yet to come
@@ -35,7 +36,7 @@ class DepthTopic:
         self._waiting: deque[tuple[float, Any]] = deque(maxlen=KEPT)
         self._lens: Intrinsics | None = None
         self._came, self._kind = False, ""  # with the last picture; of the topic's messages
-        self._asked_s = -EVERY_S
+        self._look_timer = StreamTimer(EVERY_S)
 
     def at(self, stamp_s: float, lens: Intrinsics | None) -> Depth | str | None:
         """The depth picture of a colour picture and its lens, or why there is none; None where no topic has any."""
@@ -66,9 +67,8 @@ class DepthTopic:
 
     def _open(self) -> Subscription | None:
         """Subscribe once the topic is published."""
-        if (now_s := time.monotonic()) - self._asked_s < EVERY_S:
+        if not self._look_timer.due(time.monotonic()):
             return None
-        self._asked_s = now_s
         kinds = {name: short(kind) for name, kind in self._node.published().items()}
         topic = self._topic or aligned(kinds)
         self._kind = kinds.get(topic or "", "")
