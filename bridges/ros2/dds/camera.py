@@ -80,7 +80,7 @@ class Ros2Topic(Driver):
             self._depth.close()
 
     def _next(self, timeout_s: float) -> tuple[float, Any, str] | None:
-        message = self._pictures.newest() if self._pictures.wait(timeout_s) else None
+        message = self._pictures.newest(timeout_s)
         if message is None:
             return None
         stamp_s = to_s(ns_of(message.header.stamp)) or time.time()
@@ -141,7 +141,7 @@ class Ros2SensorsCamera(CameraAround):
 def _rotation(node: Node, imu: str, samples: Subscription, optical: str) -> NDArray[np.float64]:
     """From the IMU's axes to the camera's optical ones. Raises CameraError."""
     listener = TfListener(node, f"ros2:{imu}")
-    first = samples.newest() if samples.wait(WAIT_S) else None
+    first = samples.newest(WAIT_S)
     if first is None:
         raise CameraError(f"ros2:{imu}: no sensor_msgs/Imu within {WAIT_S:.0f} s")
     frame = first.header.frame_id

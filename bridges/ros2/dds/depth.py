@@ -85,7 +85,7 @@ class DepthTopic:
     def _of(self, lens: Intrinsics | None) -> bool:
         """Whether depth is of this lens, as far as its CameraInfo says."""
         for info in self._infos:
-            if self._lens is None and (message := info.newest() if info.wait(0.0) else None) is not None:
+            if self._lens is None and (message := info.newest()) is not None:
                 with suppress(CameraError):
                     self._lens = lens_of(message, "image_rect", info.topic)
         if self._lens is None or lens is None:

@@ -93,13 +93,12 @@ class Subscription:
         while wanted() and self.wait(until_s - time.monotonic()):
             yield from self.take()
 
-    def newest(self) -> Any | None:
-        """The newest received message, if any; older ones are not decoded. Raises BridgeError if it is damaged."""
-        samples = self._samples()
-        if not samples:
-            return None
+    def newest(self, timeout_s: float = 0.0) -> Any | None:
+        """The newest message, if any is there or comes within the time; older ones are not decoded. Raises BridgeError
+        if it is damaged."""
+        samples = self._samples() if self.wait(timeout_s) else []
         try:
-            return self._decode(samples[-1])
+            return self._decode(samples[-1]) if samples else None
         except DAMAGE as error:
             raise BridgeError(f"{self.topic}: a damaged message ({type(error).__name__} {error})") from None
 

@@ -10,18 +10,8 @@ from typing import Any
 from edgemap.bridges.ros2.messages.definitions import to_s
 from edgemap.bridges.ros2.messages.tf_chain import PATH
 from edgemap.bridges.ros2.messages.topics import DEPTH, EDITS, IMU, SEARCHED, STAMPS, TF
+from edgemap.bridges.ros2.recordings import foreign
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
-from edgemap.bridges.ros2.recordings.foreign import (
-    IMU_KIND,
-    WHEEL_KIND,
-    imu_of,
-    info_topics,
-    lens_of,
-    mount_of,
-    read_imu,
-    tf_of,
-    wheels_of,
-)
 from edgemap.bridges.ros2.recordings.pictures import PICTURE_KINDS, depth_beside, kind_of_pictures
 from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
@@ -77,7 +67,7 @@ def recording_camera(spec: str, how: CameraOptions = CameraOptions()) -> FileCam
         else:
             info = _foreign(recording, topic, how, (width, height), levels, kinds, beside)
         if how.topics.wheels:
-            info = replace(info, wheel=wheels_of(recording, how.topics.wheels))
+            info = replace(info, wheel=foreign.wheels_of(recording, how.topics.wheels))
         count, poses = recording.topics[topic].count, tf if TF in recording.topics else None
         info = replace(info, name=spec, size=(width, height), frame_count=count, tf=poses)
         return FileCamera(info, chain(ahead, pictures), resources.pop_all().close)
@@ -153,17 +143,19 @@ def _recorded(recording: Reading, topic: str, how: CameraOptions) -> CameraInfo:
     info, imu = read_facts(recording.metadata[RECORD], f"{recording.path}"), None
     if how.topics.imu is not None:
         frame_id = recording.first(topic).header.frame_id
-        imu = imu_of(recording, tf_of(recording), frame_id, how.topics.imu)[1]
+        imu = foreign.imu_of(recording, foreign.tf_of(recording), frame_id, how.topics.imu)[1]
     elif IMU in recording.topics:
-        imu = read_imu(recording, IMU)
-    truth = recording.attachments.get(TRUTH_FILE)
+        imu = foreign.read_imu(recording, IMU)
+    truth, wheel = recording.attachments.get(TRUTH_FILE), None
+    if how.topics.wheels is None and WHEEL_FILE in recording.attachments:
+        wheel = foreign.wheels_of(recording)
     return replace(
         info,
         intrinsics=how.intrinsics or info.intrinsics,
         mount=how.mount or info.mount,
         edits=tuple(str(line) for _, line in _values(recording, EDITS)),
         imu=imu,
-        wheel=wheels_of(recording) if how.topics.wheels is None and WHEEL_FILE in recording.attachments else None,
+        wheel=wheel,
         truth=None if truth is None else read_trajectory_file(truth, f"{recording.path}: {TRUTH_FILE}"),
     )
 
@@ -181,10 +173,10 @@ def _foreign(
     pictures, px. kinds: of pictures, by topic, where they are known. depth: its topic."""
     lens, info = how.intrinsics, None
     if lens is None and (info := _info_topic(recording, topic)):
-        lens = lens_of(recording.first(info), topic, f"{recording.path}", size)
-    tree, frame_id = tf_of(recording), recording.first(topic).header.frame_id
-    mount, text = mount_of(tree, frame_id, how.rotate) if how.mount is None else (how.mount, "")
-    imu_topic, imu = imu_of(recording, tree, frame_id, how.topics.imu)
+        lens = foreign.lens_of(recording.first(info), topic, f"{recording.path}", size)
+    tree, frame_id = foreign.tf_of(recording), recording.first(topic).header.frame_id
+    mount, text = foreign.mount_of(tree, frame_id, how.rotate) if how.mount is None else (how.mount, "")
+    imu_topic, imu = foreign.imu_of(recording, tree, frame_id, how.topics.imu)
     pictures = f"{recording.topics[topic].count} pictures" + (", infrared" if kinds.get(topic) == "infrared" else "")
     uses = {imu_topic: "IMU", how.topics.wheels: "wheels", info if lens else None: "lens", depth: "depth"}
     uses |= {name: "tf" for name, known in recording.topics.items() if known.kind == TF_KIND}
@@ -206,8 +198,8 @@ def _unused(recording: Reading, name: str, kinds: Mapping[str, str]) -> str:
         kind = kinds.get(name, "pictures")
         return f"depth; --topics depth={name}" if kind == "depth" else f"{kind}; #{name}"
     reasons = {
-        WHEEL_KIND: f"--topics wheels={name}",
-        IMU_KIND: "tf does not join it to the pictures, or another is used",
+        foreign.WHEEL_KIND: f"--topics wheels={name}",
+        foreign.IMU_KIND: "tf does not join it to the pictures, or another is used",
     }
     return reasons.get(known.kind, known.kind)
 
@@ -215,7 +207,7 @@ def _unused(recording: Reading, name: str, kinds: Mapping[str, str]) -> str:
 def _info_topic(recording: Reading, topic: str) -> str | None:
     """The CameraInfo beside the pictures (image_transport's custom), or the only one in the file; else None."""
     infos = recording.topics_of(INFO_KIND)
-    beside = [name for name in info_topics(topic) if name in infos]
+    beside = [name for name in foreign.info_topics(topic) if name in infos]
     return next(iter(beside or (infos if len(infos) == 1 else [])), None)
 
 

@@ -8,24 +8,10 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from edgemap.bridges.ros2.messages import build
+from edgemap.bridges.ros2.messages import build, topics
 from edgemap.bridges.ros2.messages.definitions import Message, definition, encoder, to_ns, to_s
 from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
-from edgemap.bridges.ros2.messages.topics import (
-    DEPTH,
-    EDITS,
-    FLOOR_SCAN,
-    GRID,
-    IDS,
-    IMU,
-    OBJECTS,
-    SEARCHED,
-    STAMPS,
-    TRUTH,
-    WHEEL,
-    FrameIds,
-    Topic,
-)
+from edgemap.bridges.ros2.messages.topics import IDS, FrameIds, Topic
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, facts_record, trajectory_file
 from edgemap.bridges.ros2.recordings.pictures import encoded_depth
 from edgemap.geometry.map_object import MapObject
@@ -139,7 +125,10 @@ class Recorder(Sink):
         self.path, self.name, self.frames = path, f"recording {path.name}", 0
         self._stream = MessageStream(info.intrinsics, info.mount, lossless=lossless)
         rows, attachments = list[tuple[int, Topic, SE2, FrameIds]](), dict[str, bytes]()
-        for topic, name, track, ids in (WHEEL, WHEEL_FILE, info.wheel, IDS), (TRUTH, TRUTH_FILE, info.truth, TRUTH_IDS):
+        for topic, name, track, ids in (
+            (topics.WHEEL, WHEEL_FILE, info.wheel, IDS),
+            (topics.TRUTH, TRUTH_FILE, info.truth, TRUTH_IDS),
+        ):
             if isinstance(track, Trajectory):
                 attachments[name] = trajectory_file(track)
                 timed = zip(track.stamps_s.tolist(), track.poses, strict=True)
@@ -156,17 +145,17 @@ class Recorder(Sink):
             at_ns, topic, pose, ids = self._poses.popleft()
             self._file.write(topic, at_ns, build.odometry(at_ns, pose, ids=ids))
         if to_s(stamp_ns) != frame.stamp_s:  # finer than a nanosecond: the replay shall have it all the same
-            self._file.write(STAMPS, stamp_ns, {"data": frame.stamp_s})
+            self._file.write(topics.STAMPS, stamp_ns, {"data": frame.stamp_s})
         if not frame.search:
-            self._file.write(SEARCHED, stamp_ns, {"data": 0.0})
+            self._file.write(topics.SEARCHED, stamp_ns, {"data": 0.0})
         samples = frame.imu
         for at_s, gyro, accel in zip(samples.stamps_s, samples.gyro_rad_s, samples.accel_m_s2, strict=True):
             if at_s < 0.0:
                 continue  # before a stream that starts at zero: no ROS time
             at_ns = to_ns(float(at_s))
-            self._file.write(IMU, at_ns, build.imu(at_ns, gyro.tolist(), accel.tolist()))
+            self._file.write(topics.IMU, at_ns, build.imu(at_ns, gyro.tolist(), accel.tolist()))
         if frame.depth is not None:
-            self._file.write(DEPTH, stamp_ns, build.compressed_image(stamp_ns, *encoded_depth(frame.depth)))
+            self._file.write(topics.DEPTH, stamp_ns, build.compressed_image(stamp_ns, *encoded_depth(frame.depth)))
         self._write(self._stream.picture(frame))
         self.frames += 1
         return stamp_ns
@@ -185,7 +174,7 @@ class Recorder(Sink):
         comes after the end of the file, is missing in a replay."""
         stamp_ns = self._last[0] if self._last is not None else 0
         with suppress(DiskError, BridgeError):
-            self._file.write(EDITS, stamp_ns, {"data": line})
+            self._file.write(topics.EDITS, stamp_ns, {"data": line})
 
     def close(self) -> None:
         """The last map, where it is newer than the one recorded, and the file's end; may be called twice. Without its
@@ -198,9 +187,9 @@ class Recorder(Sink):
 
     def _write(self, messages: Iterable[Outgoing]) -> None:
         for outgoing in messages:
-            if outgoing.topic == OBJECTS:
+            if outgoing.topic == topics.OBJECTS:
                 self._map_ns = outgoing.stamp_ns
-            if outgoing.topic not in (GRID, FLOOR_SCAN):  # these follow from the objects and the pictures
+            if outgoing.topic not in (topics.GRID, topics.FLOOR_SCAN):  # these follow from the objects and the pictures
                 self._file.write(outgoing.topic, outgoing.stamp_ns, outgoing.make())
 
 
