@@ -95,12 +95,12 @@ def publish_goal(pose: "SE2") -> None:
     """Publishes a goal for a navigation stack. Raises BridgeError where no subscriber appears in time."""
     import time
 
-    from edgemap.bridges.ros2.dds.node import shared_node
+    from edgemap.bridges.ros2.dds.node import Publisher, shared_node
     from edgemap.bridges.ros2.messages import topics
     from edgemap.bridges.ros2.messages.build import goal_pose
 
     limit_s = 5.0
-    publisher = shared_node().publisher(topics.GOAL, topics.GOAL.kind)
+    publisher = Publisher(shared_node(), topics.GOAL, topics.GOAL.kind)
     until_s = time.monotonic() + limit_s
     while not publisher.wanted:
         if time.monotonic() > until_s:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from edgemap.bridges.ros2.dds.discovery import discovery_from
-from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, shared_node
+from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, Subscription, shared_node
 from edgemap.bridges.ros2.dds.sources import robot_odom
 from edgemap.bridges.ros2.dds.types import in_namespace
 from edgemap.bridges.ros2.messages import build, topics
@@ -108,8 +108,8 @@ class Ros2Sink(Sink):
         self._publishers = {topic: self._publisher(node, topic) for topic in options.published}
         self._asked: Future[str] | None = None  # the newest pose, until it is taken or refused
         self._goals: deque[SE2] = deque(maxlen=8)
-        self._goal = node.publisher(topics.GOAL, topics.GOAL.kind)
-        self._initial_pose = node.subscription(INITIAL_POSE, topics.POSE.kind)
+        self._goal = Publisher(node, topics.GOAL, topics.GOAL.kind)
+        self._initial_pose = Subscription(node, INITIAL_POSE, topics.POSE.kind)
         by_ros = run.camera.info.name.startswith("ros2:")
         self._clock = RosClock((lambda: -run.camera.clock_offset_s) if by_ros else None)
         info = label_info(time.time_ns(), run.classes, run.threshold, options.frames.optical)
@@ -170,7 +170,7 @@ class Ros2Sink(Sink):
     def _publisher(self, node: Node, topic: Topic) -> Publisher:
         name = self._options.topic(topic)
         depth = 1 if topic in LATCHED[1:] else 100 if topic == topics.TF else 10
-        return node.publisher(name, topic.kind, self._options.reliability(topic), depth)
+        return Publisher(node, name, topic.kind, self._options.reliability(topic), depth)
 
 
 def pose_edit(message: Any) -> Edit:

@@ -52,8 +52,8 @@ class Ros2Topic(Driver):
             raise CameraError(f"camera {self.name}: {what} within {WAIT_S:.0f} s (topics with pictures: {others})")
         self._decode = PICTURE_KINDS[short(kind)]
         # Asked for before the first picture, so that they come beside it.
-        infos = [self._node.subscription(info, INFO.kind) for info in info_topics(self._topic)]
-        self._pictures = self._node.subscription(self._topic, kind, depth=2)
+        infos = [Subscription(self._node, info, INFO.kind) for info in info_topics(self._topic)]
+        self._pictures = Subscription(self._node, self._topic, kind, depth=2)
         self._first = self._next(WAIT_S)
         if self._first is None:
             raise CameraError(f"camera {self.name}: no picture on {self._topic} within {WAIT_S:.0f} s")
@@ -120,7 +120,7 @@ class Ros2SensorsCamera(CameraAround):
             self.update_info(wheel=WheelTopic(node, topics.wheels, lambda: self._offset_s))
         self._imu: tuple[Subscription, ImuBuffer] | None = None
         if topics.imu is not None:
-            samples = node.subscription(topics.imu, IMU.kind, depth=2000)
+            samples = Subscription(node, topics.imu, IMU.kind, depth=2000)
             optical = camera.optical if by_ros else topics.optical
             self._imu = samples, ImuBuffer(_rotation(node, topics.imu, samples, optical))
 

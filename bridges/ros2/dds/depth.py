@@ -74,8 +74,8 @@ class DepthTopic:
         self._kind = kinds.get(topic or "", "")
         if topic is None or self._kind not in READERS:
             return None
-        self._infos = [self._node.subscription(info, INFO.kind, depth=1) for info in info_topics(topic)]
-        self._messages = self._node.subscription(topic, self._kind.replace("/", "/msg/"), depth=KEPT)
+        self._infos = [Subscription(self._node, info, INFO.kind, depth=1) for info in info_topics(topic)]
+        self._messages = Subscription(self._node, topic, self._kind.replace("/", "/msg/"), depth=KEPT)
         return self._messages
 
     def _reaches(self, stamp_s: float) -> bool:

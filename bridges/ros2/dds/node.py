@@ -26,9 +26,11 @@ class Reliability(StrEnum):
 
 
 class Publisher:
-    """Publishes one topic."""
+    """Publishes one topic (`/tf`) of a type (`tf2_msgs/msg/TFMessage`)."""
 
-    def __init__(self, participant: Any, topic: str, kind: str, reliability: Reliability, depth: int) -> None:
+    def __init__(
+        self, node: "Node", topic: str, kind: str, reliability: Reliability = Reliability.RELIABLE, depth: int = 10
+    ) -> None:
         from cyclonedds.core import Listener
         from cyclonedds.pub import DataWriter
 
@@ -39,9 +41,8 @@ class Publisher:
         self._readers = readers = [0]
         # A thread of Cyclone DDS calls it. It must not refer to this object, which would then never be freed.
         listener = Listener(on_publication_matched=lambda _, status: readers.__setitem__(0, status.current_count))
-        self._writer: Any = DataWriter(
-            participant, _topic(participant, topic, kind), _qos(kind, reliability, depth), listener
-        )
+        made = _topic(node.participant, topic, kind)
+        self._writer: Any = DataWriter(node.participant, made, _qos(kind, reliability, depth), listener)
 
     @property
     def wanted(self) -> bool:
@@ -60,18 +61,22 @@ class Publisher:
 
 
 class Subscription:
-    """Reads one topic on demand, without a thread."""
+    """Reads one topic on demand, without a thread. Best effort matches every publisher. depth: maximum number of unread
+    messages."""
 
-    def __init__(self, participant: Any, topic: str, kind: str, reliability: Reliability, depth: int) -> None:
+    def __init__(
+        self, node: "Node", topic: str, kind: str, reliability: Reliability = Reliability.BEST_EFFORT, depth: int = 10
+    ) -> None:
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
         from cyclonedds.sub import DataReader
 
         self.topic = topic
         self._decode = decoder(kind)
-        self._reader: Any = DataReader(participant, _topic(participant, topic, kind), _qos(kind, reliability, depth))
+        made = _topic(node.participant, topic, kind)
+        self._reader: Any = DataReader(node.participant, made, _qos(kind, reliability, depth))
         self._depth = depth
         self._any = ReadCondition(self._reader, SampleState.NotRead | ViewState.Any | InstanceState.Any)
-        self._waits: Any = WaitSet(participant)
+        self._waits: Any = WaitSet(node.participant)
         self._waits.attach(self._any)
 
     def wait(self, timeout_s: float) -> bool:
@@ -126,22 +131,10 @@ class Node:
         domain, config = discovery.domain, discovery.cyclone_config(before)
         try:
             self._domain = Domain(domain, config) if config else None
-            self._participant = DomainParticipant(domain)
+            self.participant = DomainParticipant(domain)
         except DDSException as error:
             raise BridgeError(f"ROS 2: no DDS participant in domain {domain} ({error.msg})") from None
-        self._publications: Any = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
-
-    def publisher(
-        self, topic: str, kind: str, reliability: Reliability = Reliability.RELIABLE, depth: int = 10
-    ) -> Publisher:
-        """A publisher of a topic (`/tf`) and type (`tf2_msgs/msg/TFMessage`)."""
-        return Publisher(self._participant, topic, kind, reliability, depth)
-
-    def subscription(
-        self, topic: str, kind: str, reliability: Reliability = Reliability.BEST_EFFORT, depth: int = 10
-    ) -> Subscription:
-        """A subscription to a topic. Best effort matches every publisher. depth: maximum number of unread messages."""
-        return Subscription(self._participant, topic, kind, reliability, depth)
+        self._publications: Any = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
 
     def published(self) -> dict[str, str]:
         """The topics that have a publisher now, each with its type."""

@@ -25,8 +25,8 @@ class TfListener:
     messages."""
 
     def __init__(self, node: Node, where: str) -> None:
-        latched = node.subscription(TF_STATIC, TF_STATIC.kind, Reliability.LATCHED, depth=100)
-        self._topics = [latched, node.subscription(TF, TF.kind, depth=100)]
+        latched = Subscription(node, TF_STATIC, TF_STATIC.kind, Reliability.LATCHED, depth=100)
+        self._topics = [latched, Subscription(node, TF, TF.kind, depth=100)]
         self._tree = TfTree(where)
 
     def ask(self, question: Callable[[TfTree], Answer | None]) -> Answer | None:
@@ -65,7 +65,7 @@ class WheelTopic(TopicTrack):
     """nav_msgs/Odometry of the wheels."""
 
     def __init__(self, node: Node, topic: str, offset_s: Callable[[], float]) -> None:
-        super().__init__(node.subscription(topic, WHEEL.kind, depth=500), offset_s)
+        super().__init__(Subscription(node, topic, WHEEL.kind, depth=500), offset_s)
         self._name = f"ros2:{topic}"
 
     def __str__(self) -> str:
@@ -82,8 +82,8 @@ class TfTrack(TopicTrack):
     """Poses of the base in odom, as tf brings them. recent: stamps and poses (4, 4) in the map."""
 
     def __init__(self, node: Node, chain: TfChain, offset_s: Callable[[], float], late_s: float = LATE_S) -> None:
-        super().__init__(node.subscription(TF, TF.kind, Reliability.RELIABLE, depth=500), offset_s, late_s)
-        self._static = node.subscription(TF_STATIC, TF_STATIC.kind, Reliability.LATCHED, depth=100)
+        super().__init__(Subscription(node, TF, TF.kind, Reliability.RELIABLE, depth=500), offset_s, late_s)
+        self._static = Subscription(node, TF_STATIC, TF_STATIC.kind, Reliability.LATCHED, depth=100)
         self.chain, self.recent = chain, deque[tuple[float, Array]](maxlen=RECENT)
 
     def join(self) -> None:

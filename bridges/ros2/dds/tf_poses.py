@@ -95,7 +95,7 @@ class MapPath:
         """Whether a path came since the last frame."""
         for topic, kind in self._node.published().items() if self._look_timer.due(stamp_s) else ():
             if short(kind) == PATH and topic not in self._topics:
-                self._topics[topic] = self._node.subscription(topic, kind), NodePath(self.tf.chain.top)
+                self._topics[topic] = Subscription(self._node, topic, kind), NodePath(self.tf.chain.top)
         came = [(nodes, message) for messages, nodes in self._topics.values() for message in messages.take()]
         for nodes, message in came:
             nodes.take(message, self.tf.offset_s())

@@ -31,7 +31,7 @@ pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ro
 from edgemap.bridges.ros2.dds.camera import Ros2Camera, Ros2SensorsCamera, Ros2Topic
 from edgemap.bridges.ros2.dds.depth import DepthTopic
 from edgemap.bridges.ros2.dds.discovery import Discovery
-from edgemap.bridges.ros2.dds.node import Node, Reliability, wait_for
+from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, Subscription, wait_for
 from edgemap.bridges.ros2.dds.sources import WheelTopic
 from edgemap.bridges.ros2.messages import build
 from edgemap.bridges.ros2.recordings.recorder import Recorder
@@ -188,7 +188,7 @@ def test_a_late_reader_gets_a_picture_of_300_kb_from_fast_dds(program, node, tmp
     with Peer(program, "publish", f"rt/in/picture,{kind},latched,1,{jpeg}"):
         assert wait_for(lambda: node.published().get("/in/picture"), 30.0) == f"sensor_msgs/msg/{kind}"
         time.sleep(0.3)  # the picture is out by now
-        reader = node.subscription("/in/picture", f"sensor_msgs/msg/{kind}", Reliability.LATCHED)
+        reader = Subscription(node, "/in/picture", f"sensor_msgs/msg/{kind}", Reliability.LATCHED)
         assert reader.wait(30.0)
         (message,) = reader.take()
     assert bytes(message.data) == jpeg.read_bytes()
@@ -313,7 +313,7 @@ def test_pictures_come_without_depth_that_is_missing_or_none(program, node, monk
 
 def test_grey_levels_of_16_bits_keep_one_scale(node):
     """A dark picture after a bright one is dark: the used bits are those of the camera."""
-    publisher, topic = node.publisher("/deep/image_raw", "sensor_msgs/msg/Image"), Ros2Topic(node, "/deep/image_raw")
+    publisher, topic = Publisher(node, "/deep/image_raw", "sensor_msgs/msg/Image"), Ros2Topic(node, "/deep/image_raw")
 
     def published(level, taken):
         image = {"height": 4, "width": 4, "step": 8, "encoding": "mono16", "data": np.full(16, level, "<u2").tobytes()}
