@@ -9,7 +9,7 @@ import tyro
 from edgemap.cli.arguments import arg
 from edgemap.cli.options import Json
 from edgemap.runtime.frames.disk import write_atomically
-from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.reading import printable
 
 
@@ -33,7 +33,7 @@ def command(
     finally:
         session.close()
     if answer is None:
-        raise PublishError(f"nobody keeps the map of {name} at {where} (no answer within 5 s)")
+        raise BridgeError(f"nobody keeps the map of {name} at {where} (no answer within 5 s)")
     objects, _ = read_map(text := answer.payload.to_bytes(), f"map of {name}")
     document = loads(text)
     if out is not None:

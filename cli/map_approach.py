@@ -8,7 +8,7 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.options import Json
-from edgemap.runtime.frames.errors import Ros2Error, UsageError
+from edgemap.runtime.frames.errors import BridgeError, UsageError
 from edgemap.runtime.frames.option_texts import known_names, numbers
 from edgemap.runtime.step.map_store import saved_map
 
@@ -92,19 +92,19 @@ def _chosen(objects: "list[MapObject]", wanted: str | None, label: str | None, n
 
 
 def publish_goal(pose: "SE2") -> None:
-    """Publishes a goal for a navigation stack. Raises Ros2Error where no subscriber appears in time."""
+    """Publishes a goal for a navigation stack. Raises BridgeError where no subscriber appears in time."""
     import time
 
-    from edgemap.bridges.ros2.dds.node import shared_node
+    from edgemap.bridges.ros2.dds.node import Publisher, shared_node
     from edgemap.bridges.ros2.messages import topics
     from edgemap.bridges.ros2.messages.build import goal_pose
 
     limit_s = 5.0
-    publisher = shared_node().publisher(topics.GOAL, topics.KINDS[topics.GOAL])
+    publisher = Publisher(shared_node(), topics.GOAL, topics.GOAL.kind)
     until_s = time.monotonic() + limit_s
     while not publisher.wanted:
         if time.monotonic() > until_s:
-            raise Ros2Error(f"ROS 2: nobody reads {topics.GOAL} (waited {limit_s:.0f} s): is Nav2 running?")
+            raise BridgeError(f"ROS 2: nobody reads {topics.GOAL} (waited {limit_s:.0f} s): is Nav2 running?")
         time.sleep(0.02)
     time.sleep(0.2)  # the reader has matched us by now, too
     publisher.write(goal_pose(pose, "map", time.time_ns()))

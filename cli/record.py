@@ -12,7 +12,7 @@ from edgemap.cli.groups import Source
 from edgemap.cli.options import Topics, WithoutDepth, at_least, sensor_topics
 from edgemap.cli.signals import stop_on_signals
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.frames.errors import RecordingError, UsageError
+from edgemap.runtime.frames.errors import BridgeError, UsageError
 from edgemap.runtime.frames.reading import print_message
 
 
@@ -64,7 +64,7 @@ def command(
                 raise
     if not recorder.frames:
         out.unlink()
-        raise RecordingError(f"{out}: stopped before the first picture, so nothing is recorded")
+        raise BridgeError(f"{out}: stopped before the first picture, so nothing is recorded")
     unknown = [name for name, known in (("lens", info.intrinsics), ("mount", info.mount)) if known is None]
     print(f"{recorder.frames} pictures, {out.stat().st_size / 1e6:.1f} MB in {out}")
     if unknown:

@@ -44,7 +44,7 @@ class _Robot:
 
 class PlaceKeeper:
     """Keeps the merged map in `folder/map.json`, the latest map of each robot in `folder/robots/NAME.json`. reference:
-    an older map, whose frame counts. Raises PublishError, MissingExtraError, DiskError, MapError for a damaged file.
+    an older map, whose frame counts. Raises BridgeError, MissingExtraError, DiskError, MapError for a damaged file.
     """
 
     def __init__(

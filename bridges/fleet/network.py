@@ -5,7 +5,7 @@ import os
 import re
 from typing import Any
 
-from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.option_texts import host_and_port
 
@@ -14,9 +14,9 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", re.ASCII)
 
 
 def checked_name(text: str, what: str) -> str:
-    """The name of a robot or a place, which is part of a key and of a file name. Raises PublishError."""
+    """The name of a robot or a place, which is part of a key and of a file name. Raises BridgeError."""
     if not NAME.fullmatch(text):
-        raise PublishError(f"{what} {text[:70]!r}: not 1 to 64 of A-Z a-z 0-9 _ . -, first a letter or digit")
+        raise BridgeError(f"{what} {text[:70]!r}: not 1 to 64 of A-Z a-z 0-9 _ . -, first a letter or digit")
     return text
 
 
@@ -34,7 +34,7 @@ def zenoh_address(text: str, option: str) -> str:
 
 def open_session(connect: str = "", listen: str = "", wait_s: float | None = None) -> Any:
     """A zenoh session: a router that listens (`127.0.0.1:7447`), or a peer that connects to one and retries. wait_s:
-    connect as a client, for this time at most. The file of ZENOH_CONFIG replaces all of this. Raises PublishError, or
+    connect as a client, for this time at most. The file of ZENOH_CONFIG replaces all of this. Raises BridgeError, or
     MissingExtraError."""
     need("fleet", "--sink fleet")
     import zenoh
@@ -56,4 +56,4 @@ def open_session(connect: str = "", listen: str = "", wait_s: float | None = Non
         return zenoh.open(config)
     except zenoh.ZError as error:
         where = file or (f"listening on {listen}" if listen else f"connecting to {connect}")
-        raise PublishError(f"fleet, {where}: {str(error).split(' at ')[0]}") from None
+        raise BridgeError(f"fleet, {where}: {str(error).split(' at ')[0]}") from None

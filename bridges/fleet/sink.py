@@ -8,7 +8,7 @@ from edgemap.bridges.fleet.network import ROOT, checked_name, open_session, plac
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import NO_ANNOTATIONS, Annotations
-from edgemap.runtime.frames.errors import PublishError, UsageError
+from edgemap.runtime.frames.errors import BridgeError, UsageError
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.reading import read_bytes
 from edgemap.runtime.frames.timing import StreamTimer
@@ -24,7 +24,7 @@ MAP_EVERY_S = 5.0  # of stream
 
 class FleetSink(Sink):
     """Sends the pose every second, the map every five where it has changed and it has objects, to a new keeper and at
-    the end. `write` raises PublishError without a keeper. Raises MissingExtraError, PublishError for an invalid name.
+    the end. `write` raises BridgeError without a keeper. Raises MissingExtraError, BridgeError for an invalid name.
     """
 
     name = "fleet"
@@ -52,7 +52,7 @@ class FleetSink(Sink):
         if self._pose_timer.due(stamp_s):
             self._pose.put(json.dumps(pose_record(result.pose_map_base)))
         if not self._kept:
-            raise PublishError(self._missing)
+            raise BridgeError(self._missing)
 
     last = write
 

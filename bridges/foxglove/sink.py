@@ -8,7 +8,7 @@ from edgemap.bridges.ros2.messages.definitions import definition, encoder, to_ns
 from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
 from edgemap.geometry.map_object import MapObject
 from edgemap.runtime.frames.colours import label_rgb
-from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.limits import PATIENCE_S
@@ -28,7 +28,7 @@ class FoxgloveServer:
 
     A message is built when a client has subscribed to its topic. The server's own threads send it, and drop the oldest
     for a client that is slow. Clients cannot publish. host: anyone who reaches the address sees the pictures. port: 0
-    for any free one. Raises MissingExtraError, or PublishError where the address cannot be bound.
+    for any free one. Raises MissingExtraError, or BridgeError where the address cannot be bound.
     """
 
     def __init__(self, host: str, port: int, stream: MessageStream) -> None:
@@ -46,17 +46,16 @@ class FoxgloveServer:
                 message_backlog_size=128,  # of a client that is slow: a second or two at 10 Hz
             )  # fmt: skip
         except (RuntimeError, OverflowError) as error:
-            raise PublishError(f"--foxglove {host}:{port}: {error}") from None
+            raise BridgeError(f"--foxglove {host}:{port}: {error}") from None
         self.url = f"ws://{host}:{self._server.port}"
         self._channels = {
             topic: foxglove.Channel(
                 topic,
-                schema=foxglove.Schema(name=kind, encoding="ros2msg", data=definition(kind).encode()),
+                schema=foxglove.Schema(name=topic.kind, encoding="ros2msg", data=definition(topic.kind).encode()),
                 message_encoding="cdr",
                 context=context,
             )
             for topic in SENT
-            for kind in (topics.KINDS[topic],)
         }
         self.annotations = ImageAnnotationsChannel(ANNOTATIONS, context=context)
 
@@ -73,7 +72,7 @@ class FoxgloveServer:
         for outgoing in messages:
             channel = self._channels[outgoing.topic]
             if channel.has_sinks():
-                channel.log(encoder(outgoing.kind)(outgoing.make()), log_time=outgoing.stamp_ns)
+                channel.log(encoder(outgoing.topic.kind)(outgoing.make()), log_time=outgoing.stamp_ns)
         if self.annotations.has_sinks():
             self.annotations.log(image_annotations(to_ns(result.pictured.stamp_s), result), log_time=stamp_ns)
         self._server.broadcast_time(stamp_ns)

@@ -18,7 +18,7 @@ from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.objects.queries import inside_polygon
 from edgemap.geometry.objects.scale import scaled_map
 from edgemap.geometry.objects.zone_watch import ZoneWatch
-from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.extras import need
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.limits import EVERY_S, PATIENCE_S, SELDOM_S
@@ -45,7 +45,7 @@ class MqttPublisher:
     one; entered and left with the zone. A second broker connection with the same robot's name replaces this one. A
     separate thread sends and reconnects; after an outage the broker gets all retained messages again and the events
     since then as one step.
-    Raises MissingExtraError. `write` raises PublishError while there is no connection.
+    Raises MissingExtraError. `write` raises BridgeError while there is no connection.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class MqttPublisher:
         try:
             self._client.connect_async(host, port, keepalive=15)
         except ValueError as error:
-            raise PublishError(f"--mqtt {host}:{port}: {error}") from None
+            raise BridgeError(f"--mqtt {host}:{port}: {error}") from None
         self._client.loop_start()
         self._connected.wait(PATIENCE_S)
 
@@ -101,7 +101,7 @@ class MqttPublisher:
         if self._client.loop_start() == 0:  # it is running already, but where its thread ended
             self._connected.clear()
         if not self._connected.is_set():
-            raise PublishError(f"no broker at {self._address} ({self._refused})")
+            raise BridgeError(f"no broker at {self._address} ({self._refused})")
         if self._new_connection:
             self._new_connection = False
             self._begin()
@@ -135,7 +135,7 @@ class MqttPublisher:
         if self._asked is not None and self._asked.done():
             asked, self._asked = self._asked, None
             if (refusal := asked.exception()) is not None:
-                raise PublishError(f"in dock: {refusal}")
+                raise BridgeError(f"in dock: {refusal}")
 
     last = write
 

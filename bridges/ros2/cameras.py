@@ -15,7 +15,7 @@ class TopicKind(CameraKind):
     """`ros2:/topic`, with depth from another topic. `ros2 topic list` shows the topics."""
 
     def open(self, address: str, how: CameraOptions) -> Camera:
-        """Subscribes. Raises CameraError where nobody publishes pictures there, Ros2Error or MissingExtraError."""
+        """Subscribes. Raises CameraError where nobody publishes pictures there, BridgeError or MissingExtraError."""
         from edgemap.bridges.ros2.dds.camera import Ros2Camera
         from edgemap.bridges.ros2.dds.node import shared_node
 
@@ -56,7 +56,7 @@ TOPICS, RECORDINGS = TopicKind(), RecordingKind()
 def add_sensors(camera: Camera, topics: SensorTopics) -> Camera:
     """The camera with wheels and IMU on live ROS 2 topics, where any are named. Closes the camera where that fails.
 
-    Raises CameraError, Ros2Error or MissingExtraError.
+    Raises CameraError, BridgeError or MissingExtraError.
     """
     if not (topics.wheels or topics.imu):
         return camera

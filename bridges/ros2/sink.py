@@ -11,18 +11,18 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from edgemap.bridges.ros2.dds.discovery import discovery_from
-from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, shared_node
-from edgemap.bridges.ros2.dds.sources import RobotOdom
+from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, Subscription, shared_node
+from edgemap.bridges.ros2.dds.sources import robot_odom
 from edgemap.bridges.ros2.dds.types import in_namespace
 from edgemap.bridges.ros2.messages import build, topics
 from edgemap.bridges.ros2.messages.definitions import RosClock
 from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics, label_info
 from edgemap.bridges.ros2.messages.stream import MessageStream, Outgoing
-from edgemap.bridges.ros2.messages.topics import FrameIds
+from edgemap.bridges.ros2.messages.topics import FrameIds, Topic
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import Ros2Error, UsageError
+from edgemap.runtime.frames.errors import BridgeError, UsageError
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.option_texts import words_of
@@ -74,7 +74,7 @@ class Ros2Options:
         return cls(words.get("namespace", NAMESPACE), ids, pictures, not reliable, odom_tf)
 
     @property
-    def published(self) -> tuple[str, ...]:
+    def published(self) -> tuple[Topic, ...]:
         """The topics, without the namespace."""
         return PUBLISHED + PICTURES * self.pictures
 
@@ -102,21 +102,21 @@ class Ros2Sink(Sink):
         self._options, self._run = options, run
         self._diagnostics = RunDiagnostics(options.namespace.strip("/") or NAMESPACE, run.robot)
         self._diagnosed_s = -math.inf
-        odom = None if options.odom_tf else RobotOdom(node, options.frames)
+        odom = None if options.odom_tf else robot_odom(node, options.frames)
         lens, mount = run.floor.intrinsics, run.floor.mount
         self._stream = MessageStream(lens, mount, options.frames, static_mount=True, robot_odom=odom)
         self._publishers = {topic: self._publisher(node, topic) for topic in options.published}
         self._asked: Future[str] | None = None  # the newest pose, until it is taken or refused
         self._goals: deque[SE2] = deque(maxlen=8)
-        self._goal = node.publisher(topics.GOAL, topics.KINDS[topics.GOAL])
-        self._initial_pose = node.subscription(INITIAL_POSE, topics.KINDS[topics.POSE])
+        self._goal = Publisher(node, topics.GOAL, topics.GOAL.kind)
+        self._initial_pose = Subscription(node, INITIAL_POSE, topics.POSE.kind)
         by_ros = run.camera.info.name.startswith("ros2:")
         self._clock = RosClock((lambda: -run.camera.clock_offset_s) if by_ros else None)
         info = label_info(time.time_ns(), run.classes, run.threshold, options.frames.optical)
         self._publishers[topics.LABELS].write(info)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Publish one step, and apply a pose that a person has set. Raises Ros2Error."""
+        """Publish one step, and apply a pose that a person has set. Raises BridgeError."""
         self._take_pose()
         while self._goals:
             self._goal.write(build.goal_pose(self._goals.popleft(), self._options.frames.map, time.time_ns()))
@@ -128,10 +128,10 @@ class Ros2Sink(Sink):
         if self._asked is not None and self._asked.done():
             asked, self._asked = self._asked, None
             if (refusal := asked.exception()) is not None:
-                raise Ros2Error(f"{INITIAL_POSE}: {refusal}")
+                raise BridgeError(f"{INITIAL_POSE}: {refusal}")
 
     def last(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Publish the boxes that came after the last frame, and the map. Raises Ros2Error."""
+        """Publish the boxes that came after the last frame, and the map. Raises BridgeError."""
         self._stream.offset_s = self._clock.offset_s(result.frame.stamp_s)
         self._send(self._stream.last(result, objects))
 
@@ -157,7 +157,7 @@ class Ros2Sink(Sink):
         self._goals.append(pose_map_base)
 
     def _take_pose(self) -> None:
-        with suppress(Ros2Error):  # a damaged message of somebody else's
+        with suppress(BridgeError):  # a damaged message of somebody else's
             message = self._initial_pose.newest()
             if message is not None and message.header.frame_id.lstrip("/") == self._options.frames.map:
                 self._asked = self._run.edits.submit(pose_edit(message))
@@ -167,10 +167,10 @@ class Ros2Sink(Sink):
         self._publishers.clear()
         self._initial_pose.close()
 
-    def _publisher(self, node: Node, topic: str) -> Publisher:
+    def _publisher(self, node: Node, topic: Topic) -> Publisher:
         name = self._options.topic(topic)
         depth = 1 if topic in LATCHED[1:] else 100 if topic == topics.TF else 10
-        return node.publisher(name, topics.KINDS[topic], self._options.reliability(topic), depth)
+        return Publisher(node, name, topic.kind, self._options.reliability(topic), depth)
 
 
 def pose_edit(message: Any) -> Edit:
@@ -187,7 +187,7 @@ def pose_edit(message: Any) -> Edit:
 
 
 def open(address: str, run: RunInfo) -> Ros2Sink:
-    """The sink of `--ros2 NAME=VALUE,…`. Raises UsageError, Ros2Error or MissingExtraError."""
+    """The sink of `--ros2 NAME=VALUE,…`. Raises UsageError, BridgeError or MissingExtraError."""
     options, node = Ros2Options.of(address), shared_node()
     names = ", ".join(map(options.topic, options.published))
     print_message(f"ROS 2: {discovery_from(os.environ)}; topics {names}")

@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -23,6 +23,8 @@ from edgemap.runtime.frames.trajectory import AttitudeTrack, PoseTrack, Trajecto
 
 DEFAULT_RATE_HZ = 10.0  # of pictures without stamps
 NO_DEPTH = "none at the time of the picture"
+_Depth = NDArray[np.float32] | str | None
+DepthOf = _Depth | Callable[[Intrinsics | None], _Depth]  # of a `Picture`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,13 +131,11 @@ class Camera:
     def close(self) -> None:
         """Release the device or file; may be called twice."""
 
-    def frame(
-        self, image: NDArray[np.uint8], stamp_s: float, name: str, depth: NDArray[np.float32] | str | None = None
-    ) -> Frame:
+    def frame(self, image: NDArray[np.uint8], stamp_s: float, name: str, depth: DepthOf = None) -> Frame:
         """The picture as the next delivered frame, with the samples of `info.imu` since the last. Raises CameraError
         where its size is not the lens's.
 
-        depth: of its pixels; of another size, it is left out. A text states why there is none.
+        depth: as of a `Picture`; of another size than its, it is left out.
         """
         height, width = image.shape[:2]
         lens, imu = self.info.intrinsics, self.info.imu
@@ -143,7 +143,7 @@ class Camera:
             raise CameraError(f"{name}: picture is {width}x{height}, the intrinsics are for {lens.width}x{lens.height}")
         samples = ImuSamples.none() if imu is None else imu.between(self._last_s, stamp_s)
         self._with_imu += len(samples) > 0
-        if depth is not None:
+        if (depth := depth(lens) if callable(depth) else depth) is not None:
             if not isinstance(depth, str) and depth.shape != (height, width):
                 depth = f"{depth.shape[1]}x{depth.shape[0]} px for pictures of {width}x{height} px"
             self._depths[depth if isinstance(depth, str) else ""] += 1
@@ -159,43 +159,44 @@ class Camera:
         self.close()
 
 
-class Shot(NamedTuple):
-    """A picture of a finite source: BGR, (H, W, 3). depth: (H, W) metres of its pixels, why there is none, or what
-    gives either by the lens, None where that is unknown. search: as of a `Frame`."""
+class Picture(NamedTuple):
+    """A picture of a device or a file. stamp_s: by its clock. image: BGR, (H, W, 3). depth: (H, W) metres of
+    its pixels, 0 where unknown, or why there is none; None without a depth camera. Of files also: what gives either by
+    the lens, None where that is unknown; name and search, as of a `Frame`."""
 
-    image: NDArray[np.uint8]
     stamp_s: float
-    name: str
-    depth: NDArray[np.float32] | str | Callable[[Intrinsics | None], NDArray[np.float32] | str | None] | None = None
+    image: NDArray[np.uint8]
+    depth: DepthOf = None
+    name: str = ""
     search: bool = True
 
 
-Shots = Iterator[Shot | CameraFault]
+Pictures = Iterator[Picture | CameraFault]
 
 
 class FileCamera(Camera):
-    """A finite source. shots: its pictures in order, with a fault in place of each that is skipped; what they raise
-    ends it. resources: closed with it."""
+    """A finite source. pictures: in order, with a fault in place of each that is skipped; what they raise ends it.
+    release: frees what they come from; may be called twice."""
 
-    def __init__(self, info: CameraInfo, shots: Shots, resources: ExitStack | None = None) -> None:
+    def __init__(self, info: CameraInfo, pictures: Pictures, release: Callable[[], object] = lambda: None) -> None:
         super().__init__(info)
-        self._shots, self._resources = shots, resources or ExitStack()
+        self._pictures, self._release = pictures, release
 
     def read(self) -> Frame | None:
         """The next picture; None after the last. Raises CameraFault for one that is skipped, and CameraError where the
         source is damaged."""
-        shot = next(self._shots, None)
-        if shot is None:
+        picture = next(self._pictures, None)
+        if picture is None:
             return None
-        if isinstance(shot, CameraFault):
-            raise shot
-        depth = shot.depth(self.info.intrinsics) if callable(shot.depth) else shot.depth
-        return replace(self.frame(shot.image, shot.stamp_s, shot.name, depth), search=shot.search)
+        if isinstance(picture, CameraFault):
+            raise picture
+        stamp_s, image, depth, name, search = picture
+        return replace(self.frame(image, stamp_s, name, depth), search=search)
 
     def close(self) -> None:
         """Deliver nothing more."""
-        self._shots = iter(())
-        self._resources.close()
+        self._pictures = iter(())
+        self._release()
 
 
 LEAST_SIDE_PX = 32  # of a picture: a box of 24 px is the smallest that counts
@@ -207,15 +208,6 @@ def check_size(camera: Camera) -> None:
     if 0 < min(width, height) < LEAST_SIDE_PX:
         text = f"{camera.info.name}: pictures of {width}x{height} px, both sides must have {LEAST_SIDE_PX} px or more"
         raise CameraError(text)
-
-
-class Picture(NamedTuple):
-    """A picture as a device delivers it. stamp_s: by the device's clock. image: BGR, (H, W, 3). depth: (H, W) metres of
-    its pixels, 0 where unknown, or why there is none; None without a depth camera."""
-
-    stamp_s: float
-    image: NDArray[np.uint8]
-    depth: NDArray[np.float32] | str | None = None
 
 
 class Device(Protocol):

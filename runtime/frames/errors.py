@@ -32,16 +32,9 @@ class DiskError(MapError):
     exit_code = 4
 
 
-class RecordingError(EdgemapError):
-    """A recording cannot be written, or would overwrite an existing file."""
-
-
-class PublishError(EdgemapError):
-    """A live output cannot be opened, or its peer has disconnected."""
-
-
-class Ros2Error(EdgemapError):
-    """ROS 2 that cannot be spoken: a name, a setting of discovery, or DDS itself."""
+class BridgeError(EdgemapError):
+    """What leads to other programs fails: a recording or a picture cannot be written, a live output cannot be opened or
+    has lost its peer, or ROS 2 cannot be spoken (a name, a setting of discovery, DDS itself)."""
 
 
 class CalibrationError(EdgemapError):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.runtime.frames.errors import RecordingError
+from edgemap.runtime.frames.errors import BridgeError
 
 LARGEST_STAMP_S = 1e11  # a float has microseconds up to there; milliseconds since 1970 are more
 
@@ -46,14 +46,14 @@ class Frame:
 
 def png(picture: NDArray[Any], quickly: bool = False) -> bytes:
     """A picture as a PNG file: BGR (H, W, 3), with transparency (H, W, 4), or of one channel, 8 or 16 bits. quickly:
-    with the least compression. Raises RecordingError where it cannot be."""
+    with the least compression. Raises BridgeError where it cannot be."""
     import cv2
 
     return _encoded(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1] if quickly else [])
 
 
 def jpeg(picture: NDArray[Any], quality: int = 95) -> bytes:
-    """A BGR picture as a JPEG file. quality: 0 to 100. Raises RecordingError where it cannot be."""
+    """A BGR picture as a JPEG file. quality: 0 to 100. Raises BridgeError where it cannot be."""
     import cv2
 
     return _encoded(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
@@ -64,5 +64,5 @@ def _encoded(suffix: str, picture: NDArray[Any], options: list[int]) -> bytes:
 
     good, data = cv2.imencode(suffix, picture, options)
     if not good:
-        raise RecordingError(f"OpenCV does not encode a picture of {picture.shape} as {suffix}")
+        raise BridgeError(f"OpenCV does not encode a picture of {picture.shape} as {suffix}")
     return data.tobytes()

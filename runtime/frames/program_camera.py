@@ -14,12 +14,12 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, Camera, CameraInfo
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, CameraInfo, FileCamera, Picture, Pictures
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.frame import LARGEST_STAMP_S, Frame
 from edgemap.runtime.frames.trajectory import GrowingTrack
 
-Picture = NDArray[np.uint8]
+Image = NDArray[np.uint8]
 IntrinsicsLike = Intrinsics | tuple[float, float, float, float]
 MountLike = Mount | tuple[float, float]
 
@@ -59,7 +59,7 @@ def as_mount(value: MountLike) -> Mount:
     return Mount.from_degrees(height_m, pitch_deg)
 
 
-def as_picture(value: Any, name: str) -> Picture:
+def as_picture(value: Any, name: str) -> Image:
     """A BGR picture, (H, W, 3) uint8. Raises CameraError with the type and shape that it has instead."""
     if not isinstance(value, np.ndarray) or value.dtype != np.uint8 or value.ndim != 3 or value.shape[2] != 3:
         raise CameraError(f"{name} is {described(value)}, expected a BGR picture: uint8 (height, width, 3)")
@@ -71,7 +71,7 @@ def described(value: Any) -> str:
     return f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
 
 
-class ProgramCamera(Camera):
+class ProgramCamera(FileCamera):
     """Pictures of a program, whose stamps are seconds that rise.
 
     Milliseconds or nanoseconds show as pauses between all of the first pictures.
@@ -104,7 +104,7 @@ class FramesCamera(ProgramCamera):
     Those without stamps come ten a second. Raises CameraError where there is no picture, or the first is not an image.
     """
 
-    def __init__(self, frames: Iterable[Picture | tuple[float, Picture]]) -> None:
+    def __init__(self, frames: Iterable[Image | tuple[float, Image]]) -> None:
         pictures: Iterator[Any] = iter(frames)
         try:
             first = next(pictures)
@@ -112,23 +112,18 @@ class FramesCamera(ProgramCamera):
             raise CameraError("frames= has no picture") from None
         height, width = _timed(first, 0)[1].shape[:2]
         count = len(frames) if hasattr(frames, "__len__") else None  # type: ignore[arg-type]
-        super().__init__(CameraInfo("frames", (width, height), rate_hz=DEFAULT_RATE_HZ, frame_count=count))
-        self._pictures: Iterator[Any] = chain([first], pictures)
+        info = CameraInfo("frames", (width, height), rate_hz=DEFAULT_RATE_HZ, frame_count=count)
+        super().__init__(info, self._checked(chain([first], pictures)))
 
-    def read(self) -> Frame | None:
-        """The next picture; None after the last. Raises CameraError for an invalid picture."""
-        for value in self._pictures:
-            name = f"frames[{self._delivered}]"
-            stamp_s, image = _timed(value, self._delivered)
-            return self.frame(image, self._stamp(stamp_s, f"{name}[0]"), name)
-        return None
-
-    def close(self) -> None:
-        """Deliver nothing more."""
-        self._pictures = iter(())
+    def _checked(self, values: Iterable[Any]) -> Pictures:
+        """The pictures. Raises CameraError at one that is none."""
+        for number, value in enumerate(values):
+            stamp_s, image = _timed(value, number)
+            name = f"frames[{number}]"
+            yield Picture(self._stamp(stamp_s, f"{name}[0]"), image, name=name)
 
 
-def _timed(value: Any, number: int) -> tuple[Any, Picture]:
+def _timed(value: Any, number: int) -> tuple[Any, Image]:
     """The stamp, unchecked, and the picture of an item. Raises CameraError."""
     if isinstance(value, tuple) and len(value) == 2:
         return value[0], as_picture(value[1], f"frames[{number}][1]")
@@ -142,7 +137,7 @@ class PushedCamera(ProgramCamera):
     """
 
     def __init__(self, intrinsics: IntrinsicsLike, mount: Mount) -> None:
-        super().__init__(CameraInfo("pushed pictures", mount=mount))
+        super().__init__(CameraInfo("pushed pictures", mount=mount), iter(()))
         self._given = intrinsics
         self._pending: Frame | None = None
         self._track: GrowingTrack | None = None

@@ -136,17 +136,12 @@ def decode_json(data: bytes | str, kind: type[T], where: object, error: type[Edg
             data = data.decode("utf-8")  # msgspec would take other bytes inside of strings
         if (values := sum(map(data.count, ",:[{"))) > VALUES:
             raise error(f"{where}: about {values:,} values, at most {VALUES:,} are read")
-        return msgspec.json.decode(data, type=kind)
-    except msgspec.ValidationError as why:
-        try:
-            tree = msgspec.json.decode(data)
-        except (msgspec.MsgspecError, RecursionError):
-            tree = None
-        raise error(f"{where}: {_reason(why, tree)}") from None
+        tree = msgspec.json.decode(data)
     except (msgspec.DecodeError, UnicodeError) as why:
         raise error(f"{where}: not JSON ({one_line(why)})") from None
     except RecursionError:
         raise error(f"{where}: not JSON that is read (nested too deeply)") from None
+    return convert(tree, kind, where, error)
 
 
 def convert(tree: Any, kind: type[T], where: object, error: type[EdgemapError], strict: bool = True) -> T:
@@ -169,11 +164,8 @@ def _reason(why: Exception, tree: Any) -> str:
             return one_line(why)
     if place is None or not isinstance(tree, str | int | float | None) or "missing" in str(why):
         return one_line(why)
-    return f"{one_line(why)}, found {one_line(_short(tree), 100)}"
-
-
-def _short(value: object) -> str:
-    return repr(value) if not isinstance(value, int) or abs(value) < 1 << 64 else "a huge number"
+    huge = isinstance(tree, int) and abs(tree) >= 1 << 64
+    return f"{one_line(why)}, found {'a huge number' if huge else one_line(repr(tree), 100)}"
 
 
 class FileNameError(EdgemapError):

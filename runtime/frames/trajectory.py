@@ -105,16 +105,12 @@ SET_BACK_S = 1.0  # a pose that is older than the newest by less is only late
 
 class GrowingTrack:
     """The newest poses by increasing stamps. It restarts where a robot's odometry restarts: at a pose that wheels
-    cannot reach in that time, or after a clock was set back."""
+    cannot reach in that time, or after a clock was set back. restarts: how often."""
 
     def __init__(self) -> None:
         self._stamps: list[float] = []
         self._poses: list[SE2] = []
-        self._restarted = False
-
-    @property
-    def _newest_s(self) -> float:
-        return self._stamps[-1] if self._stamps else -math.inf
+        self.restarts = self._raised = 0  # the latter: those that `at` has raised
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -138,7 +134,7 @@ class GrowingTrack:
             if step_s < 0.0 or jump_m > max(FASTEST_M_S * step_s, JUMP_M):
                 self._stamps.clear()
                 self._poses.clear()
-                self._restarted = True
+                self.restarts += 1
         self._stamps.append(stamp_s)
         self._poses.append(pose)
         if len(self._stamps) > 2 * KEPT:
@@ -147,8 +143,8 @@ class GrowingTrack:
     def at(self, stamp_s: float, tolerance_s: float = 0.0) -> SE2:
         """The pose at a stamp, interpolated, or extrapolated up to `AHEAD_S` after the newest one. Raises OdometryError
         outside, and once after a restart. tolerance_s: allowed time before the oldest pose."""
-        if self._restarted:
-            self._restarted = False
+        if self._raised != self.restarts:
+            self._raised = self.restarts
             raise OdometryError(f"poses began again at {self._stamps[0]:.3f} s")
         if not self._stamps:
             raise OdometryError("no pose has come yet")

@@ -1,5 +1,6 @@
 """Reads YAML files as plain values."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,8 @@ class _Loader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
 
-def _matrix(loader: yaml.SafeLoader, node: yaml.Node) -> Any:
-    """`!!opencv-matrix` of OpenCV's FileStorage: its rows, cols and data."""
-    return loader.construct_mapping(node, deep=True) if isinstance(node, yaml.MappingNode) else None
-
-
-_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _matrix)
+# `!!opencv-matrix` of OpenCV's FileStorage: its rows, cols and data.
+_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", partial(_Loader.construct_mapping, deep=True))
 
 
 def read_yaml(path: Path, error: type[EdgemapError]) -> Any:

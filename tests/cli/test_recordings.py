@@ -15,7 +15,7 @@ from edgemap.cli import main
 from edgemap.cli.groups import Source
 from edgemap.cli.record import command as record
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import DiskError, RecordingError
+from edgemap.runtime.frames.errors import BridgeError, DiskError
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.step.map_file import load_map
 
@@ -128,6 +128,6 @@ def test_ctrl_c_ends_a_recording_properly(started, tmp_path, pictures):
 
 def test_ctrl_c_before_the_first_picture_leaves_no_empty_recording(tmp_path, pictures, monkeypatch):
     monkeypatch.setattr("edgemap.runtime.frames.camera.next_frame", lambda *_: None)
-    with pytest.raises(RecordingError, match="before the first picture"):
+    with pytest.raises(BridgeError, match="before the first picture"):
         record(tmp_path / "a.mcap", Source(camera=str(pictures)))
     assert not (tmp_path / "a.mcap").exists()

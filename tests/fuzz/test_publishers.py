@@ -86,7 +86,7 @@ def test_ros_2_messages_are_read_back(drawn):
     objects, _ = drawn
     read = {}
     for outgoing in MessageStream(LENS, MOUNT).step(STEP, objects):
-        read[outgoing.topic] = decoder(outgoing.kind)(encoder(outgoing.kind)(outgoing.make()))
+        read[outgoing.topic] = decoder(outgoing.topic.kind)(encoder(outgoing.topic.kind)(outgoing.make()))
     detections = read[OBJECTS].detections
     assert [item.id for item in detections] == [item.id for item in objects]
     assert [item.results[0].hypothesis.class_id for item in detections] == [item.label for item in objects]

@@ -29,7 +29,7 @@ def sent():
     for _ in range(31):
         result, objects = steps.next()
         for outgoing in stream.results(result, objects):
-            message = decoder(outgoing.kind)(encoder(outgoing.kind)(outgoing.make()))
+            message = decoder(outgoing.topic.kind)(encoder(outgoing.topic.kind)(outgoing.make()))
             found.setdefault(outgoing.topic, []).append((outgoing.stamp_ns, message))
     return found
 

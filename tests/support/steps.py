@@ -11,7 +11,7 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.faults import Fault
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.odometry.protocol import Motion
@@ -85,7 +85,7 @@ class Steps:
 
     def taken_by(self, sink: Sink) -> bool:
         """Whether the sink takes the next step."""
-        with suppress(PublishError):
+        with suppress(BridgeError):
             self.into(sink)
             return True
         return False

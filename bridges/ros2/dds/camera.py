@@ -13,7 +13,7 @@ from edgemap.bridges.ros2.dds.node import Node, Subscription, wait_for
 from edgemap.bridges.ros2.dds.sources import WAIT_S, TfListener, WheelTopic
 from edgemap.bridges.ros2.dds.tf_poses import live_tf_poses
 from edgemap.bridges.ros2.messages.definitions import RosClock, ns_of, to_s
-from edgemap.bridges.ros2.messages.topics import IMU, INFO, KINDS
+from edgemap.bridges.ros2.messages.topics import IMU, INFO
 from edgemap.bridges.ros2.recordings.foreign import FLOOR_FRAME, info_topics, lens_of, mount_of, push_message
 from edgemap.bridges.ros2.recordings.pictures import PICTURE_KINDS
 from edgemap.bridges.ros2.recordings.reading import short
@@ -26,6 +26,7 @@ from edgemap.runtime.frames.reading import print_message
 from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.inputs.cameras.live import LiveCamera
 from edgemap.runtime.inputs.cameras.wrappers import CameraAround
+from edgemap.runtime.inputs.drives.pictures import Levels
 
 
 class Ros2Topic(Driver):
@@ -39,11 +40,11 @@ class Ros2Topic(Driver):
 
     def __init__(self, node: Node, topic: str, depth: DepthTopic | None = None) -> None:
         self.name = f"ros2:{topic}"
-        self._node, self._topic, self._depth = node, topic, depth
+        self._node, self._topic, self._depth, self._levels = node, topic, depth, Levels()
 
     def open(self) -> Self:
         """Subscribe. Raises CameraError where no such topic is published, or no picture arrives."""
-        kind = self._node.kind_of(self._topic, WAIT_S)
+        kind = wait_for(lambda: self._node.published().get(self._topic), WAIT_S)
         if kind is None or short(kind) not in PICTURE_KINDS:
             published = sorted(self._node.published().items())
             others = ", ".join(name for name, known in published if short(known) in PICTURE_KINDS) or "none"
@@ -51,8 +52,8 @@ class Ros2Topic(Driver):
             raise CameraError(f"camera {self.name}: {what} within {WAIT_S:.0f} s (topics with pictures: {others})")
         self._decode = PICTURE_KINDS[short(kind)]
         # Asked for before the first picture, so that they come beside it.
-        infos = [self._node.subscription(info, KINDS[INFO]) for info in info_topics(self._topic)]
-        self._pictures = self._node.subscription(self._topic, kind, depth=2)
+        infos = [Subscription(self._node, info, INFO.kind) for info in info_topics(self._topic)]
+        self._pictures = Subscription(self._node, self._topic, kind, depth=2)
         self._first = self._next(WAIT_S)
         if self._first is None:
             raise CameraError(f"camera {self.name}: no picture on {self._topic} within {WAIT_S:.0f} s")
@@ -65,7 +66,7 @@ class Ros2Topic(Driver):
         return self
 
     def grab(self) -> Picture | None:
-        """The newest picture; None where none came. Raises CameraError or Ros2Error for one that is damaged."""
+        """The newest picture; None where none came. Raises CameraError or BridgeError for one that is damaged."""
         grabbed, self._first = self._first or self._next(TICK_S), None
         if grabbed is None:
             return None
@@ -79,11 +80,11 @@ class Ros2Topic(Driver):
             self._depth.close()
 
     def _next(self, timeout_s: float) -> tuple[float, Any, str] | None:
-        message = self._pictures.newest() if self._pictures.wait(timeout_s) else None
+        message = self._pictures.newest(timeout_s)
         if message is None:
             return None
         stamp_s = to_s(ns_of(message.header.stamp)) or time.time()
-        return stamp_s, self._decode(message, self.name), message.header.frame_id
+        return stamp_s, self._decode(message, self.name, self._levels), message.header.frame_id
 
 
 class Ros2Camera(LiveCamera):
@@ -119,7 +120,7 @@ class Ros2SensorsCamera(CameraAround):
             self.update_info(wheel=WheelTopic(node, topics.wheels, lambda: self._offset_s))
         self._imu: tuple[Subscription, ImuBuffer] | None = None
         if topics.imu is not None:
-            samples = node.subscription(topics.imu, KINDS[IMU], depth=2000)
+            samples = Subscription(node, topics.imu, IMU.kind, depth=2000)
             optical = camera.optical if by_ros else topics.optical
             self._imu = samples, ImuBuffer(_rotation(node, topics.imu, samples, optical))
 
@@ -140,7 +141,7 @@ class Ros2SensorsCamera(CameraAround):
 def _rotation(node: Node, imu: str, samples: Subscription, optical: str) -> NDArray[np.float64]:
     """From the IMU's axes to the camera's optical ones. Raises CameraError."""
     listener = TfListener(node, f"ros2:{imu}")
-    first = samples.newest() if samples.wait(WAIT_S) else None
+    first = samples.newest(WAIT_S)
     if first is None:
         raise CameraError(f"ros2:{imu}: no sensor_msgs/Imu within {WAIT_S:.0f} s")
     frame = first.header.frame_id

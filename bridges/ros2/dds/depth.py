@@ -8,7 +8,7 @@ from typing import Any
 from edgemap.bridges.ros2.dds.node import Node, Subscription
 from edgemap.bridges.ros2.dds.sources import LATE_S
 from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
-from edgemap.bridges.ros2.messages.topics import INFO, KINDS
+from edgemap.bridges.ros2.messages.topics import INFO
 from edgemap.bridges.ros2.recordings.foreign import info_topics, lens_of
 from edgemap.bridges.ros2.recordings.pictures import READERS, aligned
 from edgemap.bridges.ros2.recordings.reading import short
@@ -16,6 +16,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.frames.camera import NO_DEPTH
 from edgemap.runtime.frames.errors import CameraError
 from edgemap.runtime.frames.limits import EVERY_S
+from edgemap.runtime.frames.timing import StreamTimer
 from edgemap.runtime.inputs.drives.pictures import APART_S, Depth
 
 KEPT = 6  # depth pictures that may belong to a picture yet to come
@@ -35,7 +36,7 @@ class DepthTopic:
         self._waiting: deque[tuple[float, Any]] = deque(maxlen=KEPT)
         self._lens: Intrinsics | None = None
         self._came, self._kind = False, ""  # with the last picture; of the topic's messages
-        self._asked_s = -EVERY_S
+        self._look_timer = StreamTimer(EVERY_S)
 
     def at(self, stamp_s: float, lens: Intrinsics | None) -> Depth | str | None:
         """The depth picture of a colour picture and its lens, or why there is none; None where no topic has any."""
@@ -66,16 +67,15 @@ class DepthTopic:
 
     def _open(self) -> Subscription | None:
         """Subscribe once the topic is published."""
-        if (now_s := time.monotonic()) - self._asked_s < EVERY_S:
+        if not self._look_timer.due(time.monotonic()):
             return None
-        self._asked_s = now_s
         kinds = {name: short(kind) for name, kind in self._node.published().items()}
         topic = self._topic or aligned(kinds)
         self._kind = kinds.get(topic or "", "")
         if topic is None or self._kind not in READERS:
             return None
-        self._infos = [self._node.subscription(info, KINDS[INFO], depth=1) for info in info_topics(topic)]
-        self._messages = self._node.subscription(topic, self._kind.replace("/", "/msg/"), depth=KEPT)
+        self._infos = [Subscription(self._node, info, INFO.kind, depth=1) for info in info_topics(topic)]
+        self._messages = Subscription(self._node, topic, self._kind.replace("/", "/msg/"), depth=KEPT)
         return self._messages
 
     def _reaches(self, stamp_s: float) -> bool:
@@ -85,7 +85,7 @@ class DepthTopic:
     def _of(self, lens: Intrinsics | None) -> bool:
         """Whether depth is of this lens, as far as its CameraInfo says."""
         for info in self._infos:
-            if self._lens is None and (message := info.newest() if info.wait(0.0) else None) is not None:
+            if self._lens is None and (message := info.newest()) is not None:
                 with suppress(CameraError):
                     self._lens = lens_of(message, "image_rect", info.topic)
         if self._lens is None or lens is None:

@@ -8,7 +8,7 @@ ROS 2: the subnet); one whose programs search the subnet finds it nevertheless. 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.runtime.frames.errors import BridgeError
 
 RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 UNSET = "this machine"
@@ -52,17 +52,17 @@ class Discovery:
 
 
 def discovery_from(environment: Mapping[str, str]) -> Discovery:
-    """Reads ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE and ROS_STATIC_PEERS. Raises Ros2Error."""
+    """Of ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE and ROS_STATIC_PEERS. Raises BridgeError."""
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
     if not text.isdecimal() or int(text) > 232:  # higher domains would need ports above the maximum
-        raise Ros2Error(f"ROS_DOMAIN_ID={text}: a whole number from 0 to 232")
+        raise BridgeError(f"ROS_DOMAIN_ID={text}: a whole number from 0 to 232")
     local = environment.get("ROS_LOCALHOST_ONLY", "").strip()
     asked = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").strip().upper()
     if asked and asked not in RANGES:
-        raise Ros2Error(f"ROS_AUTOMATIC_DISCOVERY_RANGE={asked}: one of {', '.join(RANGES)}")
+        raise BridgeError(f"ROS_AUTOMATIC_DISCOVERY_RANGE={asked}: one of {', '.join(RANGES)}")
     peers = tuple(peer.strip() for peer in environment.get("ROS_STATIC_PEERS", "").split(";") if peer.strip())
     if bad := [peer for peer in peers if set(peer) & set("<>&\"' ")]:
-        raise Ros2Error(f"ROS_STATIC_PEERS: {bad[0]!r} is no address")
+        raise BridgeError(f"ROS_STATIC_PEERS: {bad[0]!r} is no address")
     if local == "1":
         return Discovery(int(text), "LOCALHOST")
     if local == "0" and not asked:

@@ -8,9 +8,9 @@ from functools import cache
 from typing import Any, TypeVar
 
 from edgemap.bridges.ros2.dds.discovery import Discovery, discovery_from
-from edgemap.bridges.ros2.dds.types import HASHES, dds_topic, dds_type, ros_kind, sample_type
-from edgemap.bridges.ros2.messages.definitions import DAMAGE, Message, decoder, encoder
-from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.bridges.ros2.dds.types import dds_topic, dds_type, ros_kind, sample_type
+from edgemap.bridges.ros2.messages.definitions import DAMAGE, HASHES, Message, decoder, encoder
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.extras import need
 
 Answer = TypeVar("Answer")
@@ -26,9 +26,11 @@ class Reliability(StrEnum):
 
 
 class Publisher:
-    """Publishes one topic."""
+    """Publishes one topic (`/tf`) of a type (`tf2_msgs/msg/TFMessage`)."""
 
-    def __init__(self, participant: Any, topic: str, kind: str, reliability: Reliability, depth: int) -> None:
+    def __init__(
+        self, node: "Node", topic: str, kind: str, reliability: Reliability = Reliability.RELIABLE, depth: int = 10
+    ) -> None:
         from cyclonedds.core import Listener
         from cyclonedds.pub import DataWriter
 
@@ -39,9 +41,8 @@ class Publisher:
         self._readers = readers = [0]
         # A thread of Cyclone DDS calls it. It must not refer to this object, which would then never be freed.
         listener = Listener(on_publication_matched=lambda _, status: readers.__setitem__(0, status.current_count))
-        self._writer: Any = DataWriter(
-            participant, _topic(participant, topic, kind), _qos(kind, reliability, depth), listener
-        )
+        made = _topic(node.participant, topic, kind)
+        self._writer: Any = DataWriter(node.participant, made, _qos(kind, reliability, depth), listener)
 
     @property
     def wanted(self) -> bool:
@@ -49,29 +50,33 @@ class Publisher:
         return self.latched or self._readers[0] > 0
 
     def write(self, message: Message) -> None:
-        """Publishes a message. A message that slow readers cannot accept is dropped. Raises Ros2Error."""
+        """Publishes a message. A message that slow readers cannot accept is dropped. Raises BridgeError."""
         from cyclonedds.core import DDSException
 
         try:
             self._writer.write(self._sample(self._encode(message)))
         except DDSException as error:
             if error.code != DDSException.DDS_RETCODE_TIMEOUT:
-                raise Ros2Error(f"ROS 2: {self._kind} cannot be published ({error.msg})") from None
+                raise BridgeError(f"ROS 2: {self._kind} cannot be published ({error.msg})") from None
 
 
 class Subscription:
-    """Reads one topic on demand, without a thread."""
+    """Reads one topic on demand, without a thread. Best effort matches every publisher. depth: maximum number of unread
+    messages."""
 
-    def __init__(self, participant: Any, topic: str, kind: str, reliability: Reliability, depth: int) -> None:
+    def __init__(
+        self, node: "Node", topic: str, kind: str, reliability: Reliability = Reliability.BEST_EFFORT, depth: int = 10
+    ) -> None:
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
         from cyclonedds.sub import DataReader
 
         self.topic = topic
         self._decode = decoder(kind)
-        self._reader: Any = DataReader(participant, _topic(participant, topic, kind), _qos(kind, reliability, depth))
+        made = _topic(node.participant, topic, kind)
+        self._reader: Any = DataReader(node.participant, made, _qos(kind, reliability, depth))
         self._depth = depth
         self._any = ReadCondition(self._reader, SampleState.NotRead | ViewState.Any | InstanceState.Any)
-        self._waits: Any = WaitSet(participant)
+        self._waits: Any = WaitSet(node.participant)
         self._waits.attach(self._any)
 
     def wait(self, timeout_s: float) -> bool:
@@ -93,15 +98,14 @@ class Subscription:
         while wanted() and self.wait(until_s - time.monotonic()):
             yield from self.take()
 
-    def newest(self) -> Any | None:
-        """The newest received message, if any; older ones are not decoded. Raises Ros2Error if it is damaged."""
-        samples = self._samples()
-        if not samples:
-            return None
+    def newest(self, timeout_s: float = 0.0) -> Any | None:
+        """The newest message, if any is there or comes within the time; older ones are not decoded. Raises BridgeError
+        if it is damaged."""
+        samples = self._samples() if self.wait(timeout_s) else []
         try:
-            return self._decode(samples[-1])
+            return self._decode(samples[-1]) if samples else None
         except DAMAGE as error:
-            raise Ros2Error(f"{self.topic}: a damaged message ({type(error).__name__} {error})") from None
+            raise BridgeError(f"{self.topic}: a damaged message ({type(error).__name__} {error})") from None
 
     def close(self) -> None:
         """Unsubscribe: first what waits for the reader, since Cyclone DDS may give its handle to a new entity."""
@@ -116,8 +120,8 @@ class Subscription:
 
 
 class Node:
-    """A DDS participant in one domain. before: additional configuration of Cyclone DDS. Raises Ros2Error if that cannot
-    create it."""
+    """A DDS participant in one domain. before: additional configuration of Cyclone DDS. Raises BridgeError if that
+    cannot create it."""
 
     def __init__(self, discovery: Discovery, before: str = "") -> None:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
@@ -127,22 +131,10 @@ class Node:
         domain, config = discovery.domain, discovery.cyclone_config(before)
         try:
             self._domain = Domain(domain, config) if config else None
-            self._participant = DomainParticipant(domain)
+            self.participant = DomainParticipant(domain)
         except DDSException as error:
-            raise Ros2Error(f"ROS 2: no DDS participant in domain {domain} ({error.msg})") from None
-        self._publications: Any = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
-
-    def publisher(
-        self, topic: str, kind: str, reliability: Reliability = Reliability.RELIABLE, depth: int = 10
-    ) -> Publisher:
-        """A publisher of a topic (`/tf`) and type (`tf2_msgs/msg/TFMessage`)."""
-        return Publisher(self._participant, topic, kind, reliability, depth)
-
-    def subscription(
-        self, topic: str, kind: str, reliability: Reliability = Reliability.BEST_EFFORT, depth: int = 10
-    ) -> Subscription:
-        """A subscription to a topic. Best effort matches every publisher. depth: maximum number of unread messages."""
-        return Subscription(self._participant, topic, kind, reliability, depth)
+            raise BridgeError(f"ROS 2: no DDS participant in domain {domain} ({error.msg})") from None
+        self._publications: Any = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
 
     def published(self) -> dict[str, str]:
         """The topics that have a publisher now, each with its type."""
@@ -152,10 +144,6 @@ class Node:
             for sample in publications
             if (getattr(sample, "topic_name", None) or "").startswith("rt/")  # None: its publisher has left
         }
-
-    def kind_of(self, topic: str, timeout_s: float) -> str | None:
-        """Waits until a topic is published and returns its type; None if it is not published within the time."""
-        return wait_for(lambda: self.published().get(topic), timeout_s)
 
 
 def wait_for(answer: Callable[[], Answer | None], timeout_s: float) -> Answer | None:
@@ -168,7 +156,7 @@ def wait_for(answer: Callable[[], Answer | None], timeout_s: float) -> Answer | 
 
 @cache
 def shared_node() -> Node:
-    """This process's node, configured by the environment. Raises Ros2Error, or MissingExtraError without the extra."""
+    """This process's node, configured by the environment. Raises BridgeError, MissingExtraError without the extra."""
     need("ros2", "ROS 2")
     return Node(discovery_from(os.environ), os.environ.get("CYCLONEDDS_URI", ""))
 
@@ -194,6 +182,7 @@ def _qos(kind: str, reliability: Reliability, depth: int) -> Any:
         Policy.History.KeepLast(depth),
         Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
     ]
-    if kind in HASHES:  # ROS 2 since Iron identifies types by it, and warns if it is missing
-        policies.append(Policy.Userdata(f"typehash=RIHS01_{HASHES[kind]};".encode()))
+    if (type_hash := HASHES.get(kind.replace("/msg/", "/"))) is not None:
+        # ROS 2 since Iron identifies types by it, and warns if it is missing.
+        policies.append(Policy.Userdata(f"typehash=RIHS01_{type_hash};".encode()))
     return Qos(*policies)

@@ -1,28 +1,21 @@
 """`--odometry tf` beside a live camera: the base's poses by a running SLAM's tf, and its corrections."""
 
+import math
 from bisect import bisect_left
-from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import reduce
-from typing import Any
 
 import numpy as np
 
-from edgemap.bridges.ros2.dds.node import Node, Reliability, Subscription
-from edgemap.bridges.ros2.dds.sources import WAIT_S, TopicTrack
-from edgemap.bridges.ros2.messages.definitions import ns_of, to_s
-from edgemap.bridges.ros2.messages.tf_chain import PATH, Corrections, NodePath, TfFrames, apart, planar_of, size_of
-from edgemap.bridges.ros2.messages.tf_tree import transform_of
-from edgemap.bridges.ros2.messages.topics import KINDS, TF, TF_STATIC
+from edgemap.bridges.ros2.dds.node import Node, Subscription
+from edgemap.bridges.ros2.dds.sources import TfTrack
+from edgemap.bridges.ros2.messages.tf_chain import PATH, Corrections, NodePath, TfChain, apart, planar_of, size_of
 from edgemap.bridges.ros2.recordings.reading import short
-from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.grid.occupancy_grid import GridRule
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.errors import OdometryError
 from edgemap.runtime.frames.limits import EVERY_S
 from edgemap.runtime.frames.spatial_poses import attitudes_of
 from edgemap.runtime.frames.timing import StreamTimer
@@ -30,82 +23,18 @@ from edgemap.runtime.motion.given_poses import GivenPoses
 from edgemap.runtime.step.pose_journal import MAXIMUM
 
 FOLLOWED = GridRule().cell_m  # and rad; smaller corrections wait until they add up to it
-RECENT = 50  # poses with tilt that are kept: those about a picture
-
-
-class TfTrack(TopicTrack):
-    """Poses of the base in the frame below the map's (odom), as they come. map_odom: the newest transform from the map
-    to there, (4, 4); the identity where the SLAM has no such frame. recent: stamps and poses (4, 4) in the map.
-    restarts: of the odometry."""
-
-    def __init__(self, node: Node, frames: TfFrames, offset_s: Callable[[], float]) -> None:
-        super().__init__(node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500), offset_s)
-        self._static = node.subscription(TF_STATIC, KINDS[TF_STATIC], Reliability.LATCHED, depth=100)
-        self._frames = frames
-        self._parents, self._links = dict[str, str](), dict[str, Array]()
-        self._chain: list[str] = []
-        self.recent = deque[tuple[float, Array]](maxlen=RECENT)
-        self.restarts = 0
-
-    @property
-    def map_odom(self) -> Array:
-        """See the class."""
-        return self._links[self._chain[0]] if len(self._chain) > 1 else np.eye(4)
-
-    def join(self) -> None:
-        """Waits for the frames and a first pose. Raises CameraError where there is none in time."""
-        for message in self._messages.take_while(lambda: not self._stamps, WAIT_S):
-            self._add(message)
-        if not self._stamps:
-            self._frames.chain(self._parents)
-            raise CameraError(f"{TF}: no pose of {self._chain[-1]} within {WAIT_S:.0f} s")
-
-    def push(self, stamp_s: float, pose: SE2) -> None:
-        """As of a GrowingTrack."""
-        restarted, self._restarted = self._restarted, False
-        super().push(stamp_s, pose)
-        self.restarts += self._restarted
-        self._restarted |= restarted
-
-    def _add(self, message: Any) -> None:
-        for latched in self._static.take():
-            self._links |= self._found(latched)
-        found = self._found(message)
-        self._links |= found
-        if not self._chain:
-            with suppress(CameraError):
-                self._chain = self._frames.chain(self._parents)
-        below = self._chain[1:] or self._chain
-        if below and found.keys() & set(below) and all(child in self._links for child in self._chain):
-            stamps_ns = [ns_of(step.header.stamp) for step in message.transforms if _child(step) in below]
-            pose = reduce(np.matmul, [self._links[child] for child in below])
-            stamp_s = to_s(max(stamps_ns)) - self.offset_s()
-            self.recent.append((stamp_s, self.map_odom @ pose))
-            self.push(stamp_s, planar_of(pose))
-
-    def _found(self, message: Any) -> dict[str, Array]:
-        """The valid transforms of a message, by child frame; a frame keeps its first parent."""
-        found: dict[str, Array] = {}
-        for step in message.transforms:
-            child, parent = _child(step), step.header.frame_id.lstrip("/")
-            with suppress(CameraError):
-                pose = transform_of(step.transform, TF)
-                if self._parents.setdefault(child, parent) == parent:
-                    found[child] = pose
-        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LivePoses(GivenPoses):
     """Poses that come while the map is made. The trajectory has no jumps; `correction` has them."""
 
-    tf: TfTrack = field(kw_only=True)
     mount: Mount = field(kw_only=True)
     path: "MapPath" = field(kw_only=True)
 
     def attitude(self, stamp_s: float) -> Attitude | None:
         """By the poses about a stamp; None where the base is level."""
-        later = [row for row in self.tf.recent if row[0] > self.path.first[0]]
+        later = [row for row in self.path.tf.recent if row[0] > self.path.first[0]]
         after = bisect_left([row[0] for row in later], stamp_s)
         near = [self.path.first, *later[max(after - 1, 0) : after + 1]]
         stamps_s, poses = np.array([row[0] for row in near]), np.array([row[1] for row in near])
@@ -119,90 +48,74 @@ class LivePoses(GivenPoses):
 
 class MapPath:
     """Poses of the base in the map at the frames' stamps, as the corrections so far move them: those of tf, and the
-    paths that the SLAM publishes. top: the map's frame. first: stamp and pose (4, 4) when the source was opened."""
+    paths that the SLAM publishes. first: stamp and pose (4, 4) when the source was opened."""
 
-    def __init__(self, node: Node, top: str, tf: TfTrack) -> None:
+    def __init__(self, node: Node, tf: TfTrack) -> None:
         self.first = tf.recent[-1]
-        self._node, self._top, self._tf, self._look_timer = node, top, tf, StreamTimer(EVERY_S)
+        self._node, self.tf, self._look_timer = node, tf, StreamTimer(EVERY_S)
         self._topics: dict[str, tuple[Subscription, NodePath]] = {}
-        self._stamps_s, self._path_m = list[float](), list[float]()
-        self._poses, self._odoms = list[Array](), list[Array]()  # in the map; in odom, over its restarts
-        self._map_odom, self._restarts = np.eye(4), -1
-        self._odom: SE2 | None = None
+        # Stamp, path in m, pose in odom over its restarts, pose in the map: (MAXIMUM, 8).
+        self._rows, self._count = np.zeros((MAXIMUM, 8)), 0
+        self._map_odom, self._odom, self._restarts = SE2(), SE2(), -1
         self._corrections = Corrections()
 
     def follow(self, stamp_s: float) -> bool:
         """Adds the pose at a frame's stamp, where tf has one. Returns whether poses so far are others than those that
         were used."""
         try:
-            odom = self._tf.at(stamp_s)
+            odom = self.tf.at(stamp_s)
         except OdometryError:
             return False
-        came, map_odom = self._take_paths(stamp_s), self._tf.map_odom
-        restarted, self._restarts = self._tf.restarts != self._restarts, self._tf.restarts
+        came, map_odom = self._take_paths(stamp_s), SE2(*planar_of(self.tf.chain.map_odom))
+        restarted, self._restarts = self.tf.restarts != self._restarts, self.tf.restarts
         if restarted:
             self._map_odom = map_odom
-        step = SE2() if self._odom is None or restarted else self._odom.inverse() @ odom
-        self._odom = odom
-        self._stamps_s.append(stamp_s)
-        self._poses.append(self._map_odom @ matrix_of_pose(odom))
-        self._odoms.append((self._odoms[-1] if self._odoms else np.eye(4)) @ matrix_of_pose(step))
-        self._path_m.append((self._path_m[-1] if self._path_m else 0.0) + float(np.hypot(step.x_m, step.y_m)))
-        if len(self._poses) > MAXIMUM:  # the older half gets coarser, as in the journal of poses
-            for rows in (self._stamps_s, self._poses, self._odoms, self._path_m):
-                del rows[1 : MAXIMUM // 2 : 2]
-        moved = map_odom @ np.linalg.inv(self._map_odom)
-        jumped = size_of(moved, self._poses[-1]) > FOLLOWED
-        changed = jumped or restarted or len(self._poses) == 2  # before the first frame the robot was elsewhere
-        if jumped or came:
-            poses = np.array(self._poses)
-            if jumped:
-                self._corrections.spread(poses, np.array(self._path_m), moved, stamp_s)
-                self._map_odom = map_odom
-            for _, path in self._topics.values():
-                through = path.through(np.array(self._stamps_s), np.array(self._odoms), poses, self._corrections)
-                if through is not None and (jumped or apart(through, poses).max() > FOLLOWED):
-                    poses, changed = through, True
-            self._poses = list(poses)
+        step, self._odom = SE2() if restarted else self._odom.inverse() @ odom, odom
+        if self._count == MAXIMUM:  # the older half gets coarser, as in the journal of poses
+            kept = np.delete(self._rows, slice(1, MAXIMUM // 2, 2), axis=0)
+            self._rows[: len(kept)], self._count = kept, len(kept)
+        last = self._rows[self._count - 1]  # zeros before the first
+        path_m, total = last[1] + math.hypot(step.x_m, step.y_m), SE2(*last[2:5]) @ step
+        self._rows[self._count] = stamp_s, path_m, *total.vector(), *(self._map_odom @ odom).vector()
+        self._count += 1
+        rows, moved = self._rows[: self._count], map_odom @ self._map_odom.inverse()
+        stamps_s, odoms, poses = rows[:, 0], rows[:, 2:5], rows[:, 5:]
+        jumped = size_of(moved, poses[-1]) > FOLLOWED
+        changed = jumped or restarted or self._count == 2  # before the first frame the robot was elsewhere
+        if jumped:
+            self._corrections.spread(poses, rows[:, 1], moved, stamp_s)
+            self._map_odom = map_odom
+        for _, path in self._topics.values() if jumped or came else ():
+            through = path.through(stamps_s, odoms, poses, self._corrections)
+            if through is not None and (jumped or apart(through, poses).max() > FOLLOWED):
+                poses[:], changed = through, True
         return changed
 
     def _take_paths(self, stamp_s: float) -> bool:
         """Whether a path came since the last frame."""
         for topic, kind in self._node.published().items() if self._look_timer.due(stamp_s) else ():
             if short(kind) == PATH and topic not in self._topics:
-                self._topics[topic] = self._node.subscription(topic, kind), NodePath(self._top)
+                self._topics[topic] = Subscription(self._node, topic, kind), NodePath(self.tf.chain.top)
         came = [(nodes, message) for messages, nodes in self._topics.values() for message in messages.take()]
         for nodes, message in came:
-            nodes.take(message, self._tf.offset_s())
+            nodes.take(message, self.tf.offset_s())
         return bool(came)
 
     def at(self, stamp_s: float) -> SE2 | None:
         """The pose at a frame's stamp."""
-        row = bisect_left(self._stamps_s, stamp_s)
-        found = row < len(self._stamps_s) and self._stamps_s[row] == stamp_s
-        return planar_of(self._poses[row]) if found else None
+        row = int(np.searchsorted(self._rows[: self._count, 0], stamp_s))
+        found = row < self._count and self._rows[row, 0] == stamp_s
+        return SE2(*self._rows[row, 5:]) if found else None
 
 
 def live_tf_poses(node: Node, where: str, offset_s: Callable[[], float]) -> Callable[[str, Mount], GivenPoses]:
     """What `CameraInfo.tf` is of a live camera: subscribes to tf. offset_s: from stamps of the stream to ROS time."""
 
     def poses(frames: str, mount: Mount) -> GivenPoses:
-        named = TfFrames(frames, where)
-        track = TfTrack(node, named, offset_s)
+        track = TfTrack(node, TfChain(frames, where), offset_s)
         track.join()
-        path = MapPath(node, named.top, track)
-        start = planar_of(path.first[1])
-        return LivePoses(track, None, mount.height_m, (), start, tf=track, mount=mount, path=path)
+        path = MapPath(node, track)
+        start = SE2(*planar_of(path.first[1]))
+        return LivePoses(track, None, mount.height_m, (), start, mount=mount, path=path)
 
     return poses
-
-
-def matrix_of_pose(pose: SE2) -> Array:
-    """A planar pose as (4, 4)."""
-    matrix = np.eye(4)
-    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = pose.matrix()
-    return matrix
-
-
-def _child(step: Any) -> str:
-    return step.child_frame_id.lstrip("/")

@@ -93,8 +93,8 @@ def step_odometry(stamp_ns: int, result: StepResult, dt_s: float, ids: FrameIds 
         moved = result.motion.motion
         message["twist"] = {
             "twist": {
-                "linear": {"x": moved.x_m / dt_s, "y": moved.y_m / dt_s, "z": 0.0},
-                "angular": {"x": 0.0, "y": 0.0, "z": moved.yaw_rad / dt_s},
+                "linear": {"x": moved.x_m / dt_s, "y": moved.y_m / dt_s},
+                "angular": {"z": moved.yaw_rad / dt_s},
             },
             "covariance": _covariance(result.motion.covariance / dt_s**2),
         }
@@ -105,12 +105,10 @@ def odometry(
     stamp_ns: int, pose_odom_base: SE2, covariance: NDArray[np.float64] | None = None, ids: FrameIds = IDS
 ) -> Message:
     """`nav_msgs/Odometry` of the base in odom, at rest. covariance: (3, 3) of (x, y, yaw) in odom."""
-    zero = {"x": 0.0, "y": 0.0, "z": 0.0}
     return {
         "header": header(stamp_ns, ids.odom),
         "child_frame_id": ids.base,
         "pose": {"pose": _pose(pose_odom_base), "covariance": _covariance(covariance)},
-        "twist": {"twist": {"linear": zero, "angular": zero}, "covariance": [0.0] * 36},
     }
 
 

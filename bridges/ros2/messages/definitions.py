@@ -10,13 +10,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from edgemap.runtime.frames.errors import RecordingError
+from edgemap.runtime.frames.errors import BridgeError
 
 Message = dict[str, Any]  # a message by field name; fields that are left out are zero
 
-_, *_SECTIONS = Path(__file__).with_name("definitions.txt").read_text().split("\nMSG: ")
-FIELDS = {kind: fields.strip() for kind, _, fields in (section.partition("\n") for section in _SECTIONS)}
-DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError)  # what a decoder raises at damaged bytes
+_TEXT = Path(__file__).with_name("definitions.txt").read_text()
+_KINDS = re.findall(r"^MSG: (\S+) ?(\S*)\n(.*?)\s*(?=^MSG|\Z)", _TEXT, re.MULTILINE | re.DOTALL)
+FIELDS = {kind: fields for kind, _, fields in _KINDS}
+HASHES = {kind: type_hash for kind, type_hash, _ in _KINDS if type_hash}  # RIHS01
+# What a decoder raises at damaged bytes. MemoryError: a length that no file has.
+DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError, MemoryError, EOFError)
 
 
 def definition(kind: str) -> str:
@@ -63,13 +66,13 @@ CLOCK_SET_S = 0.1  # change of the wall clock against the monotonic one, from wh
 
 
 def to_ns(stamp_s: float) -> int:
-    """The nearest nanosecond. Raises RecordingError for a stamp that a ROS 2 header cannot hold.
+    """The nearest nanosecond. Raises BridgeError for a stamp that a ROS 2 header cannot hold.
 
     `to_s` gives the very same float again for every stamp that is a whole number of nanoseconds, and for every one
     beyond 2^23 s, where floats are coarser than that.
     """
     if not 0.0 <= stamp_s < 2**31:  # builtin_interfaces/Time counts in int32
-        raise RecordingError(f"stamp {stamp_s} s cannot be recorded: ROS 2 counts from 0 to {2**31} s")
+        raise BridgeError(f"stamp {stamp_s} s cannot be recorded: ROS 2 counts from 0 to {2**31} s")
     return round(Decimal(stamp_s) * 1_000_000_000)
 
 

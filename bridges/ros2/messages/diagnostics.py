@@ -54,12 +54,10 @@ class RunDiagnostics:
 
     def message(self, stamp_ns: int, camera: CameraState, verdict: Verdict, now_s: float) -> Message:
         """All statuses. now_s: by the clock of `fault`."""
-        reasons = dict(enumerate(verdict.document()["reasons"], 1))
+        reasons = {f"reason {at}": text for at, text in enumerate(verdict.document()["reasons"], 1)}
         statuses = [
             self._status("camera", CAMERA[camera], str(camera), {}),
-            self._status(
-                "map", LEVELS[verdict.level], verdict.line, {f"reason {at}": text for at, text in reasons.items()}
-            ),
+            self._status("map", LEVELS[verdict.level], verdict.line, reasons),
             *([self._pose] if self._pose else []),
         ]
         for kind, (at_s, text) in self._last.items():

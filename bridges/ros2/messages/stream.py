@@ -12,7 +12,7 @@ from edgemap.bridges.ros2.messages.map_messages import (
     markers,
     scan_message,
 )
-from edgemap.bridges.ros2.messages.topics import FrameIds
+from edgemap.bridges.ros2.messages.topics import FrameIds, Topic
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
@@ -30,14 +30,9 @@ MAP_EVERY = 10  # frames between two maps
 class Outgoing:
     """One message to send. make: builds it on demand."""
 
-    topic: str
+    topic: Topic
     stamp_ns: int
     make: Callable[[], Message]
-
-    @property
-    def kind(self) -> str:
-        """Its ROS 2 type, `nav_msgs/msg/Odometry`."""
-        return topics.KINDS[self.topic]
 
 
 @dataclass(slots=True)
@@ -142,5 +137,5 @@ class MessageStream:
 
 @lru_cache(maxsize=2)
 def encoded(frame: Frame, lossless: bool = False) -> bytes:
-    """A frame's picture as JPEG or PNG, encoded once for all that send it. Raises RecordingError."""
+    """A frame's picture as JPEG or PNG, encoded once for all that send it. Raises BridgeError."""
     return png(frame.image, quickly=True) if lossless else jpeg(frame.image, 90)

@@ -2,42 +2,40 @@
 
 from dataclasses import dataclass
 
-PICTURES, INFO, STAMPS = "/camera/image/compressed", "/camera/camera_info", "/camera/stamp_s"
-SEARCHED = "/camera/searched"  # 0 with a picture that a budget did not have searched
-WHEEL, TRUTH, TF, TF_STATIC = "/wheel/odometry", "/ground_truth/odometry", "/tf", "/tf_static"
-IMU = "/imu"
-DEPTH = "/camera/depth/compressed"  # of the picture's pixels, at its stamp
-EDITS = "/edits"  # lines of edits.jsonl
-POSE, ODOMETRY, BOXES = "/pose", "/odometry", "/detections"
-OBJECTS, MARKERS, GRID = "/map/objects", "/map/markers", "/map/grid"
-GOAL = "/goal_pose"  # which Nav2's bt_navigator drives to
-DIAGNOSTICS, LABELS = "/diagnostics", "/labels"  # for robot monitors; the detector's classes
-MAP, FLOOR_SCAN = "/map", "/floor_scan"  # the mapped floor, and where this picture's floor ends
 
-KINDS = {
-    PICTURES: "sensor_msgs/msg/CompressedImage",
-    INFO: "sensor_msgs/msg/CameraInfo",
-    STAMPS: "std_msgs/msg/Float64",
-    SEARCHED: "std_msgs/msg/Float64",
-    WHEEL: "nav_msgs/msg/Odometry",
-    TRUTH: "nav_msgs/msg/Odometry",
-    TF: "tf2_msgs/msg/TFMessage",
-    TF_STATIC: "tf2_msgs/msg/TFMessage",
-    IMU: "sensor_msgs/msg/Imu",
-    DEPTH: "sensor_msgs/msg/CompressedImage",
-    EDITS: "std_msgs/msg/String",
-    POSE: "geometry_msgs/msg/PoseWithCovarianceStamped",
-    ODOMETRY: "nav_msgs/msg/Odometry",
-    BOXES: "vision_msgs/msg/Detection2DArray",
-    OBJECTS: "vision_msgs/msg/Detection3DArray",
-    MARKERS: "visualization_msgs/msg/MarkerArray",
-    GRID: "nav_msgs/msg/OccupancyGrid",
-    GOAL: "geometry_msgs/msg/PoseStamped",
-    MAP: "nav_msgs/msg/OccupancyGrid",
-    FLOOR_SCAN: "sensor_msgs/msg/LaserScan",
-    DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
-    LABELS: "vision_msgs/msg/LabelInfo",
-}
+class Topic(str):
+    """A topic's name. kind: its ROS 2 type."""
+
+    kind: str
+
+    def __new__(cls, name: str, kind: str) -> "Topic":
+        """As of the class."""
+        topic = super().__new__(cls, name)
+        topic.kind = kind
+        return topic
+
+
+PICTURES = Topic("/camera/image/compressed", "sensor_msgs/msg/CompressedImage")
+INFO = Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo")
+STAMPS = Topic("/camera/stamp_s", "std_msgs/msg/Float64")
+SEARCHED = Topic("/camera/searched", "std_msgs/msg/Float64")  # 0 with a picture that a budget did not have searched
+DEPTH = Topic("/camera/depth/compressed", "sensor_msgs/msg/CompressedImage")  # of the picture's pixels, at its stamp
+WHEEL = Topic("/wheel/odometry", "nav_msgs/msg/Odometry")
+TRUTH = Topic("/ground_truth/odometry", "nav_msgs/msg/Odometry")
+TF, TF_STATIC = Topic("/tf", "tf2_msgs/msg/TFMessage"), Topic("/tf_static", "tf2_msgs/msg/TFMessage")
+IMU = Topic("/imu", "sensor_msgs/msg/Imu")
+EDITS = Topic("/edits", "std_msgs/msg/String")  # lines of edits.jsonl
+POSE = Topic("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+ODOMETRY = Topic("/odometry", "nav_msgs/msg/Odometry")
+BOXES = Topic("/detections", "vision_msgs/msg/Detection2DArray")
+OBJECTS = Topic("/map/objects", "vision_msgs/msg/Detection3DArray")
+MARKERS = Topic("/map/markers", "visualization_msgs/msg/MarkerArray")
+GRID = Topic("/map/grid", "nav_msgs/msg/OccupancyGrid")
+MAP = Topic("/map", "nav_msgs/msg/OccupancyGrid")  # the mapped floor
+FLOOR_SCAN = Topic("/floor_scan", "sensor_msgs/msg/LaserScan")  # where this picture's floor ends
+GOAL = Topic("/goal_pose", "geometry_msgs/msg/PoseStamped")  # which Nav2's bt_navigator drives to
+DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")  # for robot monitors
+LABELS = Topic("/labels", "vision_msgs/msg/LabelInfo")  # the detector's classes
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from itertools import chain, islice
 from typing import Any
@@ -10,24 +10,14 @@ from typing import Any
 from edgemap.bridges.ros2.messages.definitions import to_s
 from edgemap.bridges.ros2.messages.tf_chain import PATH
 from edgemap.bridges.ros2.messages.topics import DEPTH, EDITS, IMU, SEARCHED, STAMPS, TF
+from edgemap.bridges.ros2.recordings import foreign
 from edgemap.bridges.ros2.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
-from edgemap.bridges.ros2.recordings.foreign import (
-    IMU_KIND,
-    WHEEL_KIND,
-    imu_of,
-    info_topics,
-    lens_of,
-    mount_of,
-    read_imu,
-    tf_of,
-    wheels_of,
-)
 from edgemap.bridges.ros2.recordings.pictures import PICTURE_KINDS, depth_beside, kind_of_pictures
 from edgemap.bridges.ros2.recordings.reader import open_reading
 from edgemap.bridges.ros2.recordings.reading import Reading
 from edgemap.bridges.ros2.recordings.tf_poses import tf_poses
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.frames.camera import CameraInfo, CameraOptions, FileCamera, Shot, Shots
+from edgemap.runtime.frames.camera import CameraInfo, CameraOptions, FileCamera, Picture, Pictures
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.reading import printable, user_path
@@ -57,34 +47,30 @@ def recording_camera(spec: str, how: CameraOptions = CameraOptions()) -> FileCam
         ours, wanted, levels = RECORD in recording.metadata, how.topics.depth, Levels()
         topic, kinds = _choose(recording, topic, (DEPTH if ours else None, wanted))
         beside, depth = (depth_beside(recording, wanted) if how.depth else None) or (None, None)
-        ahead = list[Shot | CameraFault]()
-        for shot in (shots := _shots(recording, topic, printable(spec), levels, depth)):
-            ahead.append(shot)
-            if isinstance(shot, Shot):
+        ahead = list[Picture | CameraFault]()
+        for picture in (pictures := _pictures(recording, topic, printable(spec), levels, depth)):
+            ahead.append(picture)
+            if isinstance(picture, Picture):
                 break
         else:
             why = f", {len(ahead):,} damaged: {ahead[0]}" if ahead else ""
             raise CameraError(f"{path}: {topic} has no complete picture{why}")
-        (height, width), first_s = shot.image.shape[:2], shot.stamp_s
+        (height, width), first_s = picture.image.shape[:2], picture.stamp_s
 
         def tf(frames: str, mount: Mount) -> GivenPoses:
             """The base's poses by the tf of the whole file, from its first picture on."""
             with closing(open_reading(path)) as again:
                 return tf_poses(again, frames, mount, first_s)
 
-        info = CameraInfo(
-            spec,
-            (width, height),
-            frame_count=recording.topics[topic].count,
-            wheel=wheels_of(recording, how.topics.wheels) if how.topics.wheels else None,
-            tf=tf if TF in recording.topics else None,
-        )
-        changes = (
-            _recorded(recording, topic, how)
-            if ours
-            else _foreign(recording, topic, how, info.size, levels, kinds, beside)
-        )
-        return FileCamera(replace(info, **changes), chain(ahead, shots), resources.pop_all())
+        if ours:
+            info = _recorded(recording, topic, how)
+        else:
+            info = _foreign(recording, topic, how, (width, height), levels, kinds, beside)
+        if how.topics.wheels:
+            info = replace(info, wheel=foreign.wheels_of(recording, how.topics.wheels))
+        count, poses = recording.topics[topic].count, tf if TF in recording.topics else None
+        info = replace(info, name=spec, size=(width, height), frame_count=count, tf=poses)
+        return FileCamera(info, chain(ahead, pictures), resources.pop_all().close)
 
 
 def _choose(recording: Reading, topic: str, others: Collection[str | None]) -> tuple[str, dict[str, str]]:
@@ -119,7 +105,7 @@ def _kind(recording: Reading, topic: str) -> str:
         return "damaged"
 
 
-def _shots(recording: Reading, topic: str, name: str, levels: Levels, depth: DepthBeside | None) -> Shots:
+def _pictures(recording: Reading, topic: str, name: str, levels: Levels, depth: DepthBeside | None) -> Pictures:
     """All pictures in order, with a fault in place of each that is dropped, and one before the first after the clock
     was set. Raises CameraError for damage, and at the end of a file cut off."""
     exact, unsearched, read = dict[int, float](), set[int](), PICTURE_KINDS[recording.topics[topic].kind]
@@ -146,33 +132,32 @@ def _shots(recording: Reading, topic: str, name: str, levels: Levels, depth: Dep
             text = f"{where}: picture is {width}x{height}, not as those before, skipped"
             yield CameraFault(FaultKind.SIZE, text)
         else:
-            yield Shot(image, stamp_s, where, depth and depth.at(stamp_ns), own_ns not in unsearched)
+            yield Picture(stamp_s, image, depth and depth.at(stamp_ns), where, own_ns not in unsearched)
             count, last_s = count + 1, stamp_s
     if count and not recording.complete:
         raise CameraError(f"{recording.path}: cut off, the {count} complete pictures before it were read")
 
 
-def _recorded(recording: Reading, topic: str, how: CameraOptions) -> dict[str, Any]:
-    """Lens, mount, rate, truth, wheels and IMU as edgemap wrote them: fields of `CameraInfo`."""
-    facts = read_facts(recording.metadata[RECORD], f"{recording.path}")
-    found: dict[str, Any] = {
-        "intrinsics": how.intrinsics or facts.intrinsics,
-        "mount": how.mount or facts.mount,
-        "rate_hz": facts.rate_hz,
-        "inference": facts.inference,
-        "calibration": facts.calibration,
-        "edits": tuple(str(line) for _, line in _values(recording, EDITS)),
-    }
+def _recorded(recording: Reading, topic: str, how: CameraOptions) -> CameraInfo:
+    """Lens, mount, rate, truth, wheels and IMU as edgemap wrote them."""
+    info, imu = read_facts(recording.metadata[RECORD], f"{recording.path}"), None
     if how.topics.imu is not None:
         frame_id = recording.first(topic).header.frame_id
-        found["imu"] = imu_of(recording, tf_of(recording), frame_id, how.topics.imu)[1]
+        imu = foreign.imu_of(recording, foreign.tf_of(recording), frame_id, how.topics.imu)[1]
     elif IMU in recording.topics:
-        found["imu"] = read_imu(recording, IMU)
+        imu = foreign.read_imu(recording, IMU)
+    truth, wheel = recording.attachments.get(TRUTH_FILE), None
     if how.topics.wheels is None and WHEEL_FILE in recording.attachments:
-        found["wheel"] = wheels_of(recording)
-    if TRUTH_FILE in recording.attachments:
-        found["truth"] = read_trajectory_file(recording.attachments[TRUTH_FILE], f"{recording.path}: {TRUTH_FILE}")
-    return found
+        wheel = foreign.wheels_of(recording)
+    return replace(
+        info,
+        intrinsics=how.intrinsics or info.intrinsics,
+        mount=how.mount or info.mount,
+        edits=tuple(str(line) for _, line in _values(recording, EDITS)),
+        imu=imu,
+        wheel=wheel,
+        truth=None if truth is None else read_trajectory_file(truth, f"{recording.path}: {TRUTH_FILE}"),
+    )
 
 
 def _foreign(
@@ -183,15 +168,15 @@ def _foreign(
     levels: Levels,
     kinds: Mapping[str, str],
     depth: str | None,
-) -> dict[str, Any]:
-    """Lens, mount, rate and IMU from CameraInfo and tf, and what was taken and what was not as notes: fields of
-    `CameraInfo`. size: of the pictures, px. kinds: of pictures, by topic, where they are known. depth: its topic."""
+) -> CameraInfo:
+    """Lens, mount, rate and IMU from CameraInfo and tf, and what was taken and what was not as notes. size: of the
+    pictures, px. kinds: of pictures, by topic, where they are known. depth: its topic."""
     lens, info = how.intrinsics, None
     if lens is None and (info := _info_topic(recording, topic)):
-        lens = lens_of(recording.first(info), topic, f"{recording.path}", size)
-    tree, frame_id = tf_of(recording), recording.first(topic).header.frame_id
-    mount, text = mount_of(tree, frame_id, how.rotate) if how.mount is None else (how.mount, "")
-    imu_topic, imu = imu_of(recording, tree, frame_id, how.topics.imu)
+        lens = foreign.lens_of(recording.first(info), topic, f"{recording.path}", size)
+    tree, frame_id = foreign.tf_of(recording), recording.first(topic).header.frame_id
+    mount, text = foreign.mount_of(tree, frame_id, how.rotate) if how.mount is None else (how.mount, "")
+    imu_topic, imu = foreign.imu_of(recording, tree, frame_id, how.topics.imu)
     pictures = f"{recording.topics[topic].count} pictures" + (", infrared" if kinds.get(topic) == "infrared" else "")
     uses = {imu_topic: "IMU", how.topics.wheels: "wheels", info if lens else None: "lens", depth: "depth"}
     uses |= {name: "tf" for name, known in recording.topics.items() if known.kind == TF_KIND}
@@ -201,7 +186,7 @@ def _foreign(
     left = [f"{name} ({_unused(recording, name, kinds)})" for name in recording.topics if name not in uses]
     lines = [f"{title}: " + ", ".join(some) for title, some in (("taken", taken), ("not taken", left)) if some]
     notes = (*lines, *([text] if text else []), *levels.notes)
-    return {"intrinsics": lens, "mount": mount, "imu": imu, "rate_hz": _rate_hz(recording, topic), "notes": notes}
+    return CameraInfo("", intrinsics=lens, mount=mount, rate_hz=_rate_hz(recording, topic), imu=imu, notes=notes)
 
 
 def _unused(recording: Reading, name: str, kinds: Mapping[str, str]) -> str:
@@ -213,8 +198,8 @@ def _unused(recording: Reading, name: str, kinds: Mapping[str, str]) -> str:
         kind = kinds.get(name, "pictures")
         return f"depth; --topics depth={name}" if kind == "depth" else f"{kind}; #{name}"
     reasons = {
-        WHEEL_KIND: f"--topics wheels={name}",
-        IMU_KIND: "tf does not join it to the pictures, or another is used",
+        foreign.WHEEL_KIND: f"--topics wheels={name}",
+        foreign.IMU_KIND: "tf does not join it to the pictures, or another is used",
     }
     return reasons.get(known.kind, known.kind)
 
@@ -222,21 +207,23 @@ def _unused(recording: Reading, name: str, kinds: Mapping[str, str]) -> str:
 def _info_topic(recording: Reading, topic: str) -> str | None:
     """The CameraInfo beside the pictures (image_transport's custom), or the only one in the file; else None."""
     infos = recording.topics_of(INFO_KIND)
-    beside = [name for name in info_topics(topic) if name in infos]
+    beside = [name for name in foreign.info_topics(topic) if name in infos]
     return next(iter(beside or (infos if len(infos) == 1 else [])), None)
 
 
 def _rate_hz(recording: Reading, topic: str) -> float | None:
     """From the first pictures' times of recording."""
-    times = [log_ns for log_ns, _ in islice(recording.messages(topic), 30)]
-    span_s = to_s(times[-1] - times[0])
+    times = list[int]()
+    with suppress(CameraError):  # of a damaged one; the camera reports it in its place
+        times.extend(log_ns for log_ns, _ in islice(recording.messages(topic), 30))
+    span_s = to_s(times[-1] - times[0]) if times else 0.0
     return (len(times) - 1) / span_s if span_s > 0 else None
 
 
 def _values(recording: Reading, topic: str) -> Iterator[tuple[int, Any]]:
     """Log time in ns and value of each std_msgs message of a topic; none where there is no such topic."""
     messages = recording.messages(topic) if topic in recording.topics else ()
-    return ((log_ns, decode().data) for log_ns, decode in messages)
+    return ((log_ns, message.data) for log_ns, message in messages)
 
 
 def _unsearched(recording: Reading) -> set[int]:

@@ -76,8 +76,8 @@ def tf_of(recording: Reading) -> TfTree:
     tree = TfTree(str(recording.path))
     for topic in (TF_STATIC, TF):
         if topic in recording.topics:
-            for _, decode in islice(recording.messages(topic), TF_MESSAGES):
-                tree.add(decode())
+            for _, message in islice(recording.messages(topic), TF_MESSAGES):
+                tree.add(message)
     return tree
 
 

@@ -53,11 +53,11 @@ def kind_of_pictures(topic: str, message: Any) -> str:
     return "colour" if known else one_line(form, 40) or "unnamed"
 
 
-def raw_picture(message: Any, name: str, levels: Levels | None = None) -> NDArray[np.uint8]:
+def raw_picture(message: Any, name: str, levels: Levels) -> NDArray[np.uint8]:
     """A decoded `sensor_msgs/Image` as BGR, (H, W, 3). levels: of its camera. Raises CameraError for an encoding or a
     size that cannot be."""
     if message.encoding == "mono16":
-        grey = (levels or Levels()).eight_bits(_values(message, "u2", name).astype(np.uint16))
+        grey = levels.eight_bits(_values(message, "u2", name).astype(np.uint16))
         return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     if message.encoding not in ENCODINGS:
         raise CameraError(
@@ -79,7 +79,7 @@ def _rows(message: Any, channels: int, name: str) -> NDArray[np.uint8]:
     return np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)[:, : width * channels]
 
 
-def compressed_picture(message: Any, name: str, levels: Levels | None = None) -> NDArray[np.uint8]:
+def compressed_picture(message: Any, name: str, levels: Levels) -> NDArray[np.uint8]:
     """A decoded `sensor_msgs/CompressedImage` as BGR, (H, W, 3).
 
     format: `jpeg`, `png`, or image_transport's `rgb8; jpeg compressed bgr8`. Raises CameraError for others (depth,

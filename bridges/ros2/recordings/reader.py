@@ -1,8 +1,7 @@
 """Reads any MCAP file of ROS 2 messages, complete or cut off: its topics, and messages in order of time."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
-from functools import partial
 from io import SEEK_END
 from itertools import islice
 from pathlib import Path
@@ -51,11 +50,8 @@ class McapReading(Reading):
             if not (self.complete and self._read_summary()):
                 self._scan()
 
-    def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
-        """(log time in ns, decode) for each message of a topic, in order; `decode()` gives its fields as attributes.
-
-        Raises CameraError at damage, and at a message that is not CDR with a `ros2msg` definition.
-        """
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """Those of a topic. Raises CameraError at damage, and at one that is not CDR with a `ros2msg` definition."""
         from mcap.reader import NonSeekingReader
 
         # A stream for each topic: pictures and depth are read in turn. In the order of the file: by an index it would
@@ -65,7 +61,7 @@ class McapReading(Reading):
             count = self.topics[topic].count  # the rest of a large file has none
             for schema, channel, message in islice(every, count):
                 kind = self._kind(topic, schema, channel)
-                yield message.log_time, partial(decoded, self.path, topic, kind, message.data)
+                yield message.log_time, decoded(self.path, topic, kind, message.data)
 
     def _kind(self, topic: str, schema: Any, channel: Any) -> str:
         if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
@@ -130,22 +126,16 @@ class McapReading(Reading):
     @contextmanager
     def _guarded(self) -> Iterator[None]:
         """Raises CameraError for damage; in a file that was cut off the block ends there instead."""
-        damage = _damage()  # asked for now: at the interpreter's end nothing can be imported
+        from mcap.exceptions import McapError  # before it is needed: at the interpreter's end nothing can be imported
+        from zstandard import ZstdError
+
         try:
             yield
-        except damage as error:
+        except (McapError, ZstdError, *DAMAGE, OSError) as error:
             if not self.complete:
                 return
             what = one_line(f"{type(error).__name__} {error}")
             raise CameraError(f"{self.path}: damaged recording ({what})") from None
-
-
-def _damage() -> tuple[type[Exception], ...]:
-    """What mcap, lz4 and zstandard raise at damaged bytes. MemoryError: a length that no file has."""
-    from mcap.exceptions import McapError
-    from zstandard import ZstdError
-
-    return (McapError, ZstdError, *DAMAGE, MemoryError, EOFError, OSError)
 
 
 def open_reading(path: Path) -> Reading:

@@ -1,10 +1,9 @@
 """An open recording of ROS messages, whatever its container: topics, and messages in order of time."""
 
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -40,9 +39,8 @@ class Reading:
         """The topics of these kinds that have messages, in the file's order."""
         return [name for name, topic in self.topics.items() if topic.kind in kinds and topic.count]
 
-    def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
-        """(log time in ns, decode) for each message of a topic, in the order of the file; `decode()` gives its fields
-        as attributes.
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """(log time in ns, message) of a topic, in the order of the file; a message has its fields as attributes.
 
         Raises CameraError at damage, and at a message that is not CDR of a kind that edgemap reads.
         """
@@ -50,21 +48,23 @@ class Reading:
 
     def first(self, topic: str) -> Any:
         """The first message of a topic. Raises CameraError."""
-        for _, decode in self.messages(topic):
-            return decode()
+        for _, message in self.messages(topic):
+            return message
         raise CameraError(f"{self.path}: {topic} has no message")
 
     def samples(self, topic: str) -> Iterator[tuple[int | None, int, Any, str]]:
         """(stamp in ns, header's stamp, message, fault) as `followed` has it, by the headers' stamps, or the log times
         where no header has one: two clocks never mix. A zero stamp among others is dropped. The first fault says where
         log times are taken. Raises CameraError."""
-        by_log = True
+        by_log = not self.metadata  # edgemap's stamps may begin at zero
         with suppress(CameraError):  # which is raised below, behind the messages before it
-            by_log = not any(ns_of(decode().header.stamp) for _, decode in islice(self.messages(topic), AGREEING))
+            by_log = by_log and not any(
+                ns_of(message.header.stamp) for _, message in islice(self.messages(topic), AGREEING)
+            )
         unstamped = "its headers have no stamps, the times of recording are taken" if by_log else ""
-        rows = ((log_ns, decode()) for log_ns, decode in self.messages(topic))
-        stamped = ((log_ns if by_log else ns_of(message.header.stamp), (log_ns, message)) for log_ns, message in rows)
-        timed = ((max(own_ns, -1), (own_ns, *row)) for own_ns, row in stamped)
+        rows = self.messages(topic)
+        stamped = ((log_ns if by_log else ns_of(message.header.stamp), log_ns, message) for log_ns, message in rows)
+        timed = ((max(row[0], -1), row) for row in stamped)
         for stamp_ns, (own_ns, _, message), fault in followed(timed, 10**9, lambda row: row[1]):
             if stamp_ns is not None:
                 fault, unstamped = fault or unstamped, ""
@@ -97,7 +97,7 @@ class SplitReading(Reading):
                 self.topics.setdefault(name, Topic(topic.kind)).count += topic.count
         self.complete = all(part.complete for part in self._parts)
 
-    def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """Those of each part in turn."""
         return chain.from_iterable(part.messages(topic) for part in self._parts if topic in part.topics)
 
@@ -127,12 +127,12 @@ class SqliteReading(Reading):
             self.close()
             raise CameraError(f"{path}: a recording of librealsense; pass realsense:{path}")
 
-    def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """Those of a topic as they were written."""
         asked = "SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id"
         try:
             for log_ns, data in self._file.execute(asked, (self._ids[topic],)):
-                yield int(log_ns), partial(decoded, self.path, topic, self.topics[topic].kind, bytes(data))
+                yield int(log_ns), decoded(self.path, topic, self.topics[topic].kind, bytes(data))
         except (sqlite3.Error, ValueError, TypeError) as error:
             raise CameraError(f"{self.path}: damaged recording ({one_line(error)})") from None
 
@@ -148,7 +148,7 @@ def decoded(path: Path, topic: str, kind: str, data: bytes) -> Any:
         raise CameraError(f"{path}: {topic} is {one_line(kind)}, a kind that edgemap does not read")
     try:
         return decoder(kind)(data)
-    except (*DAMAGE, MemoryError, EOFError) as error:
+    except DAMAGE as error:
         raise CameraError(f"{path}: damaged recording ({one_line(error)})") from None
 
 

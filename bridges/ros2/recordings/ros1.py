@@ -1,8 +1,7 @@
 """Bags of ROS 1, `FILE.bag`, through rosbags: their messages have ROS 2's field names here."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import fields
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -38,24 +37,18 @@ class Ros1Reading(Reading):
                 self._types.register(get_types_from_msg(FIELDS[kind], name))  # ROS 2's, never the file's
             self.topics.setdefault(connection.topic, Topic(one_line(kind))).count += connection.msgcount
 
-    def messages(self, topic: str) -> Iterator[tuple[int, Callable[[], Any]]]:
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """Those of a topic by their log times."""
         if self.topics[topic].kind not in FIELDS:
             raise CameraError(f"{self.path}: {topic} is {self.topics[topic].kind}, a kind that edgemap does not read")
         chosen = [connection for connection in self._bag.connections if connection.topic == topic]
         try:
             for connection, log_ns, data in self._bag.messages(connections=chosen):
-                yield log_ns, partial(self._decoded, connection.msgtype, data)
+                message: Any = self._types.deserialize_ros1(data, connection.msgtype)
+                pairs = ((field.name.lower(), getattr(message, field.name)) for field in fields(message))  # K, D
+                yield log_ns, SimpleNamespace(**dict(pairs))
         except Exception as error:  # what rosbags and its decompressors raise at damaged bytes
             raise CameraError(f"{self.path}: damaged recording ({one_line(error)})") from None
-
-    def _decoded(self, kind: str, data: bytes) -> Any:
-        try:
-            message: Any = self._types.deserialize_ros1(data, kind)
-        except Exception as error:
-            raise CameraError(f"{self.path}: damaged recording ({one_line(error)})") from None
-        lowered = ((field.name.lower(), getattr(message, field.name)) for field in fields(message))  # CameraInfo's K, D
-        return SimpleNamespace(**dict(lowered))
 
     def close(self) -> None:
         """Closes the file."""

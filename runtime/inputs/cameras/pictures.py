@@ -3,7 +3,6 @@
 import math
 import shlex
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, CameraInfo, FileCamera, Shot, Shots
+from edgemap.runtime.frames.camera import DEFAULT_RATE_HZ, CameraInfo, FileCamera, Picture, Pictures
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.reading import library_path, one_line
@@ -31,19 +30,17 @@ from edgemap.runtime.inputs.drives.pictures import (
 
 def drive_camera(drive: Drive, name: str) -> FileCamera:
     """The drive's frames at the drive's stamps. Raises CameraError where none can be read."""
-    video, resources = drive.video, ExitStack()
-    info, shots = _pictures(drive, name) if video is None else _video(drive, video, name, resources)
-    info = replace(
-        info,
+    info = CameraInfo(
+        name,
         intrinsics=drive.intrinsics,
         mount=drive.mount,
-        rate_hz=drive.rate_hz or info.rate_hz,
+        rate_hz=drive.rate_hz,
         truth=drive.truth,
         attitudes=drive.attitudes,
         wheel=drive.wheel,
         imu=drive.imu,
     )
-    return FileCamera(info, shots, resources)
+    return _pictures(drive, info) if drive.video is None else _video(drive, drive.video, info)
 
 
 def _depth_of(drive: Drive, index: int) -> Callable[[Intrinsics | None], Depth | str | None] | None:
@@ -66,15 +63,14 @@ def _depth_of(drive: Drive, index: int) -> Callable[[Intrinsics | None], Depth |
     return registered
 
 
-def _video(drive: Drive, path: Path, name: str, resources: ExitStack) -> tuple[CameraInfo, Shots]:
-    """A video that OpenCV decodes, closed with the resources. Memory is bounded, independent of the size that the file
-    claims. Raises CameraError for no video, and for one of too many pixels."""
+def _video(drive: Drive, path: Path, info: CameraInfo) -> FileCamera:
+    """A video that OpenCV decodes. Memory is bounded, independent of the size that the file claims. Raises CameraError
+    for no video, and for one of too many pixels."""
     if _is_text(path):  # a list of other files, which FFmpeg would play
         raise CameraError(f"{path}: a text, not a video")
     # Without a named backend OpenCV also takes the path for a picture pattern.
     known = cv2.videoio_registry.getBackends()
     capture = cv2.VideoCapture(library_path(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
-    resources.callback(capture.release)
     if not capture.isOpened():
         raise CameraError(
             f"{path}: not a video that OpenCV reads ({path.stat().st_size} bytes): cut off, or another format"
@@ -94,15 +90,17 @@ def _video(drive: Drive, path: Path, name: str, resources: ExitStack) -> tuple[C
             f"where it plays elsewhere, OpenCV lacks the codec: {again}"
         )
     count = announced if 0 < announced < 1 << 31 else None
-    shots = _of_video(drive, path, chain([first], frames), rate_hz or DEFAULT_RATE_HZ, count)
+    pictures = _of_video(drive, path, chain([first], frames), rate_hz or DEFAULT_RATE_HZ, count)
     height, width = first[0].shape[:2]
-    info = CameraInfo(name, (width, height), rate_hz=rate_hz, frame_count=len(drive.stamps_s) or count)
-    return info, shots
+    info = replace(
+        info, size=(width, height), rate_hz=info.rate_hz or rate_hz, frame_count=len(drive.stamps_s) or count
+    )
+    return FileCamera(info, pictures, capture.release)
 
 
 def _of_video(
     drive: Drive, path: Path, frames: Iterator[tuple[NDArray[np.uint8], float]], rate_hz: float, announced: int | None
-) -> Shots:
+) -> Pictures:
     """Pictures of a video at the drive's stamps, of which there must be one for each. Without any, at the file's, or
     last + 1 / rate where those do not increase. Raises CameraError, after the last good one, where the file is cut off.
 
@@ -120,7 +118,7 @@ def _of_video(
         else:
             last_s = last_s + 1.0 / rate_hz if count else 0.0
         first_s = first_s if count else last_s
-        yield Shot(image, last_s, f"{path}#{count}", _depth_of(drive, count))
+        yield Picture(last_s, image, _depth_of(drive, count), f"{path}#{count}")
         count += 1
     if count < len(stamps_s):
         raise CameraError(f"{path}: ends after {count} frames, {len(stamps_s)} poses beside it")
@@ -142,7 +140,7 @@ def _is_text(path: Path) -> bool:
     return begin != b"" and text and not begin.startswith((b"RIFF", b"YUV4MPEG"))
 
 
-def _pictures(drive: Drive, name: str) -> tuple[CameraInfo, Shots]:
+def _pictures(drive: Drive, info: CameraInfo) -> FileCamera:
     """Picture files. Raises the first one's CameraError where none can be read."""
     levels, failures = Levels(), list[CameraError]()
     for path in drive.images:
@@ -151,13 +149,13 @@ def _pictures(drive: Drive, name: str) -> tuple[CameraInfo, Shots]:
         except CameraError as error:
             failures.append(error)
             continue
-        size, count = (width, height), len(drive.images)
-        info = CameraInfo(name, size, rate_hz=DEFAULT_RATE_HZ, frame_count=count, notes=levels.notes)
-        return info, _of_pictures(drive, size, levels)
+        size, rate_hz = (width, height), info.rate_hz or DEFAULT_RATE_HZ
+        info = replace(info, size=size, rate_hz=rate_hz, frame_count=len(drive.images), notes=levels.notes)
+        return FileCamera(info, _of_pictures(drive, size, levels))
     raise failures[0]
 
 
-def _of_pictures(drive: Drive, size: tuple[int, int], levels: Levels) -> Shots:
+def _of_pictures(drive: Drive, size: tuple[int, int], levels: Levels) -> Pictures:
     """The drive's pictures, with a fault for each that is damaged or not of the size, (width, height)."""
     for index, (path, stamp_s) in enumerate(zip(drive.images, drive.stamps_s.tolist(), strict=False)):
         try:
@@ -167,7 +165,7 @@ def _of_pictures(drive: Drive, size: tuple[int, int], levels: Levels) -> Shots:
             continue
         height, width = image.shape[:2]
         if (width, height) == size:
-            yield Shot(image, stamp_s, str(path), _depth_of(drive, index))
+            yield Picture(stamp_s, image, _depth_of(drive, index), str(path))
         else:
             text = f"{path}: picture is {width}x{height}, the others are {size[0]}x{size[1]}, skipped"
             yield CameraFault(FaultKind.SIZE, text)

@@ -4,7 +4,7 @@ import math
 from contextlib import ExitStack, closing
 from pathlib import Path
 
-from edgemap.runtime.frames.camera import CameraInfo, CameraOptions, FileCamera, Shot, Shots
+from edgemap.runtime.frames.camera import CameraInfo, CameraOptions, FileCamera, Picture, Pictures
 from edgemap.runtime.frames.errors import CameraError, CameraFault
 from edgemap.runtime.frames.faults import FaultKind
 from edgemap.runtime.frames.reading import one_line
@@ -36,10 +36,10 @@ def open_recording(path: Path, name: str, how: CameraOptions) -> FileCamera:
             resources.enter_context(closing(depth))
         size, rate_hz = picture_size(playback.profile), float(playback.profile.fps())
         info = CameraInfo(name, size, lens, how.mount, rate_hz=rate_hz, imu=imu)
-        return FileCamera(info, _shots(playback, depth, path), resources.pop_all())
+        return FileCamera(info, _pictures(playback, depth, path), resources.pop_all().close)
 
 
-def _shots(playback: Playback, depth: DepthBeside | None, path: Path) -> Shots:
+def _pictures(playback: Playback, depth: DepthBeside | None, path: Path) -> Pictures:
     """The colour frames, with a fault for each that does not come after the last."""
     count, last_s = 0, -math.inf
     for frames in playback.frame_sets():
@@ -51,5 +51,5 @@ def _shots(playback: Playback, depth: DepthBeside | None, path: Path) -> Shots:
             yield CameraFault(FaultKind.CLOCK, text)
             continue
         image = to_bgr(colour, str(path))
-        yield Shot(image, stamp_s, f"{path}#{count}", None if depth is None else depth.at(stamp_s))
+        yield Picture(stamp_s, image, None if depth is None else depth.at(stamp_s), f"{path}#{count}")
         count, last_s = count + 1, stamp_s

@@ -18,7 +18,7 @@ from edgemap.cli import main
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.annotations import Annotations, MapIdentity
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.step.grid_file import load_grid
 from edgemap.runtime.step.map_file import load_annotated_map, load_map, map_document, save_map
@@ -54,7 +54,7 @@ def drive(sink, objects, stamp_s=0.0, grid=None):
     """One step of a robot at (0.1, 0.02) of its own map."""
     picture = np.zeros((LENS.height, LENS.width, 3), np.uint8)
     (result,) = results([Frame(0, stamp_s, picture)], [POSES[1]])
-    with suppress(PublishError):  # until the keeper is there
+    with suppress(BridgeError):  # until the keeper is there
         sink.write(replace(result, grid=grid), objects)
 
 
@@ -119,7 +119,7 @@ def test_robots_that_come_first_and_a_keeper_that_begins_again(tmp_path, address
     _, maps = home(2)
     sink = opened(FleetSink("home", "early", address))
     (result,) = results([Frame(0, 0.0, np.zeros((LENS.height, LENS.width, 3), np.uint8))], [POSES[1]])
-    with pytest.raises(PublishError, match=r"nobody keeps the map of home at 127\.0\.0\.1:\d+ \(edgemap fleet serve\)"):
+    with pytest.raises(BridgeError, match=r"nobody keeps the map of home at 127\.0\.0\.1:\d+ \(edgemap fleet serve\)"):
         sink.write(result, maps[0])
     first = PlaceKeeper("home", tmp_path / "a", listen=address)
     until(first, together("early"))
@@ -230,16 +230,16 @@ def test_an_unreadable_merge_leaves_the_saved_map(tmp_path, address, opened):
 
 @pytest.mark.parametrize("name", ["", "a/b", "*", "-a", ".", "a" * 65, "é", "a b", "a$*", "a\n"])
 def test_names_that_are_no_part_of_a_key(name, address):
-    with pytest.raises(PublishError, match="not 1 to 64"):
+    with pytest.raises(BridgeError, match="not 1 to 64"):
         FleetSink("home", name, address)
-    with pytest.raises(PublishError, match="not 1 to 64"):
+    with pytest.raises(BridgeError, match="not 1 to 64"):
         FleetSink(name, "robot", address)
 
 
 def test_an_address_that_is_taken_or_silent_is_one_line(tmp_path, address, opened):
     opened(PlaceKeeper("home", tmp_path / "a", listen=address))
-    with pytest.raises(PublishError, match=rf"fleet, listening on {address}: ") as error:
+    with pytest.raises(BridgeError, match=rf"fleet, listening on {address}: ") as error:
         PlaceKeeper("home", tmp_path / "b", listen=address)
     assert "\n" not in str(error.value)
-    with pytest.raises(PublishError, match=r"fleet, connecting to 127\.0\.0\.1:1: "):
+    with pytest.raises(BridgeError, match=r"fleet, connecting to 127\.0\.0\.1:1: "):
         open_session("127.0.0.1:1", wait_s=0.5)

@@ -11,7 +11,7 @@ import pytest
 from support.rooms import mapped
 from support.waiting import free_port
 
-from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.step.map_file import map_document
 
 pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
@@ -69,7 +69,7 @@ def test_only_certificates_of_the_authority_and_only_their_own_name(tmp_path, mo
     keeper = PlaceKeeper("home", tmp_path / "home")
     try:
         monkeypatch.setenv("ZENOH_CONFIG", str(client(port, tmp_path, "")))
-        with pytest.raises(PublishError):
+        with pytest.raises(BridgeError):
             open_session().close()
         monkeypatch.setenv("ZENOH_CONFIG", str(client(port, tmp_path, "vacuum")))
         robot = open_session()

@@ -20,7 +20,7 @@ from support.steps import Steps
 from edgemap.bridges.ros2.messages import stream
 from edgemap.bridges.ros2.messages.stream import MessageStream
 from edgemap.bridges.ros2.messages.topics import FrameIds
-from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.errors import BridgeError
 
 pytest.importorskip("foxglove")
 client = pytest.importorskip("websockets.sync.client")
@@ -228,5 +228,5 @@ def test_what_a_client_sends_reaches_no_terminal(server, caplog):
 
 def test_an_address_that_is_taken_is_one_line(server):
     port = int(server.url.rsplit(":", 1)[1])
-    with pytest.raises(PublishError, match=rf"^--foxglove 127\.0\.0\.1:{port}: .*in use"):
+    with pytest.raises(BridgeError, match=rf"^--foxglove 127\.0\.0\.1:{port}: .*in use"):
         FoxgloveServer("127.0.0.1", port, MessageStream())

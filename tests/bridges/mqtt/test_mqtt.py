@@ -21,7 +21,7 @@ from support.waiting import wait_for
 from edgemap.geometry.map_object import MapEvent
 from edgemap.geometry.objects.annotations import Zone
 from edgemap.geometry.objects.events import Edit
-from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.errors import BridgeError
 from edgemap.runtime.frames.version import VERSION
 from edgemap.runtime.step.mapper import Mapper
 
@@ -121,7 +121,7 @@ def test_zones_the_camera_the_room_and_a_saved_map(broker, tmp_path):
             broker.publish("edgemap/robo/command", entity["payload_press"])
             wait_for(lambda: run.edits._waiting, "the command")
             run.edits.apply(mapper, 0)
-            with pytest.raises(PublishError, match="no dock") if dock else nullcontext():
+            with pytest.raises(BridgeError, match="no dock") if dock else nullcontext():
                 sink.write(later, objects)
             mapper.edit(Edit("dock", pose=(1.0, 2.0, 0.5)))
     assert mapper.pose_map_base.vector().tolist() == [1.0, 2.0, 0.5]
@@ -214,7 +214,7 @@ def test_a_broker_that_goes_away_is_a_failure_and_gets_everything_when_it_is_bac
     with publisher(broker) as sink:
         steps.into(sink, 3)
         broker.stop()
-        with pytest.raises(PublishError, match=rf"^no broker at 127\.0\.0\.1:{broker.port} \("):  # noqa: PT012
+        with pytest.raises(BridgeError, match=rf"^no broker at 127\.0\.0\.1:{broker.port} \("):  # noqa: PT012
             while True:  # until it has noticed
                 steps.into(sink)
                 time.sleep(0.05)
@@ -228,7 +228,7 @@ def test_a_broker_that_goes_away_is_a_failure_and_gets_everything_when_it_is_bac
 
 def test_no_broker_at_all_does_not_keep_a_run_from_starting(broker):
     broker.stop()
-    with publisher(broker) as sink, pytest.raises(PublishError, match=r"no broker at .* \(cannot be reached\)"):
+    with publisher(broker) as sink, pytest.raises(BridgeError, match=r"no broker at .* \(cannot be reached\)"):
         Steps().into(sink)
 
 

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -27,11 +28,12 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
-from edgemap.bridges.ros2.dds.camera import Ros2Camera, Ros2SensorsCamera
+from edgemap.bridges.ros2.dds.camera import Ros2Camera, Ros2SensorsCamera, Ros2Topic
 from edgemap.bridges.ros2.dds.depth import DepthTopic
 from edgemap.bridges.ros2.dds.discovery import Discovery
-from edgemap.bridges.ros2.dds.node import Node, Reliability
+from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, Subscription, wait_for
 from edgemap.bridges.ros2.dds.sources import WheelTopic
+from edgemap.bridges.ros2.messages import build
 from edgemap.bridges.ros2.recordings.recorder import Recorder
 from edgemap.bridges.ros2.sink import Ros2Options, Ros2Sink
 from edgemap.runtime.frames.camera import NO_DEPTH, CameraInfo, CameraOptions, SensorTopics, next_frame
@@ -184,9 +186,9 @@ def test_a_late_reader_gets_a_picture_of_300_kb_from_fast_dds(program, node, tmp
     jpeg = tmp_path / "a.jpg"
     assert cv2.imwrite(str(jpeg), picture)
     with Peer(program, "publish", f"rt/in/picture,{kind},latched,1,{jpeg}"):
-        assert node.kind_of("/in/picture", 30.0) == f"sensor_msgs/msg/{kind}"
+        assert wait_for(lambda: node.published().get("/in/picture"), 30.0) == f"sensor_msgs/msg/{kind}"
         time.sleep(0.3)  # the picture is out by now
-        reader = node.subscription("/in/picture", f"sensor_msgs/msg/{kind}", Reliability.LATCHED)
+        reader = Subscription(node, "/in/picture", f"sensor_msgs/msg/{kind}", Reliability.LATCHED)
         assert reader.wait(30.0)
         (message,) = reader.take()
     assert bytes(message.data) == jpeg.read_bytes()
@@ -307,6 +309,26 @@ def test_pictures_come_without_depth_that_is_missing_or_none(program, node, monk
     assert all(frame.depth is None for frame in frames)
     why = NO_DEPTH if depth else "/other/depth is not published, no depth"
     assert DepthTopic(node, "/other/depth").at(0.0, None) == why
+
+
+def test_grey_levels_of_16_bits_keep_one_scale(node):
+    """A dark picture after a bright one is dark: the used bits are those of the camera."""
+    publisher, topic = Publisher(node, "/deep/image_raw", "sensor_msgs/msg/Image"), Ros2Topic(node, "/deep/image_raw")
+
+    def published(level, taken):
+        image = {"height": 4, "width": 4, "step": 8, "encoding": "mono16", "data": np.full(16, level, "<u2").tobytes()}
+        while not taken():
+            publisher.write({"header": build.header(10**9, "lens")} | image)
+            time.sleep(0.02)
+
+    with ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(topic.open)
+        published(4000, opening.done)
+        assert opening.result().grab().image.max() == 4000 >> 4
+        shown = []
+        published(400, lambda: shown.append(topic.grab()) or (shown[-1] and shown[-1].image.max() < 250))
+    assert shown[-1].image.max() == 400 >> 4
+    topic.close()
 
 
 def test_a_topic_that_nobody_publishes_is_one_line(node, monkeypatch):

@@ -17,7 +17,7 @@ from support.steps import Steps
 
 from edgemap.geometry.objects.events import EditError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.errors import CameraState, Ros2Error
+from edgemap.runtime.frames.errors import BridgeError, CameraState
 from edgemap.runtime.frames.faults import Fault, FaultKind
 from edgemap.runtime.outputs.verdict.verdict import Verdict
 from edgemap.runtime.step.edit_queue import Edits
@@ -25,7 +25,7 @@ from edgemap.runtime.step.mapper import Mapper
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
 from edgemap.bridges.ros2.dds.discovery import Discovery
-from edgemap.bridges.ros2.dds.node import Node, Reliability
+from edgemap.bridges.ros2.dds.node import Node, Publisher, Reliability, Subscription
 from edgemap.bridges.ros2.messages import build
 from edgemap.bridges.ros2.messages.diagnostics import RunDiagnostics
 from edgemap.bridges.ros2.messages.topics import FrameIds
@@ -76,13 +76,13 @@ def test_what_nobody_reads_is_not_built(node, monkeypatch):
 def test_namespace_and_frames_are_options(node):
     frames = FrameIds("world", "odom_vision", "base_footprint", "lens")
     sink = sink_of(node, "/fleet/robot7/", frames=frames)
-    tf = node.subscription(*TF)
-    pose = node.subscription("/fleet/robot7/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    tf = Subscription(node, *TF)
+    pose = Subscription(node, "/fleet/robot7/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
     (result,) = results(noise(1), POSES[:1])
     sink.write(result, [CHAIR])
     assert set(links(taken(tf, 1)[0])) == {("world", "odom_vision"), ("odom_vision", "base_footprint")}
     assert taken(pose, 1)[0].header.frame_id == "world"
-    static = node.subscription("/tf_static", TF[1], Reliability.LATCHED)  # comes late
+    static = Subscription(node, "/tf_static", TF[1], Reliability.LATCHED)  # comes late
     assert set(links(taken(static, 1)[0])) == {("base_footprint", "lens")}
     sink.close()
 
@@ -91,9 +91,9 @@ def test_the_floor_is_map_of_the_usual_namespace_and_of_its_own_in_another_one(n
     """A planner that starts late gets the grid that was there before it; the scan is for those who listen."""
     for namespace, topic in (("edgemap", "/map"), ("robot7", "/robot7/map")):
         sink = sink_of(node, namespace)
-        scans = node.subscription(f"/{namespace}/floor_scan", "sensor_msgs/msg/LaserScan")
+        scans = Subscription(node, f"/{namespace}/floor_scan", "sensor_msgs/msg/LaserScan")
         Steps(boxes=[*walls(-1.0, -2.0, 4.0, 2.0), (2.0, -0.5, 2.5, 0.5, 0.8)]).into(sink, 22)
-        late = node.subscription(topic, "nav_msgs/msg/OccupancyGrid", Reliability.LATCHED)
+        late = Subscription(node, topic, "nav_msgs/msg/OccupancyGrid", Reliability.LATCHED)
         grid = taken(late, 1)[0]
         assert {0, 100, -1} <= set(grid.data)
         assert len(grid.data) == grid.info.width * grid.info.height
@@ -104,7 +104,7 @@ def test_the_floor_is_map_of_the_usual_namespace_and_of_its_own_in_another_one(n
 
 def test_beside_a_robot_that_publishes_its_own_odometry_only_map_to_odom_is_sent(node):
     """map -> odom (ours) times odom -> base_link (the robot's, between its own stamps) is our pose in the map."""
-    sink, reader, robot = sink_of(node, odom_tf=False), node.subscription(*TF), node.publisher(*TF)
+    sink, reader, robot = sink_of(node, odom_tf=False), Subscription(node, *TF), Publisher(node, *TF)
     frames = noise(2)
     first, second = results(frames, POSES[:2])
     sink.write(first, [])  # the robot has said nothing yet
@@ -125,7 +125,7 @@ def test_a_pose_of_rviz_is_an_edit(node):
     """2D Pose Estimate: x 1 m, y 2 m, a quarter turn, sigma 0.5 m and 15 degrees; in another frame it is none."""
     run = run_info()
     sink, got = Ros2Sink(node, run, Ros2Options("rviz")), run.edits._waiting
-    rviz = node.publisher("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    rviz = Publisher(node, "/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
     covariance = [0.0] * 36
     covariance[0] = covariance[7] = 0.25
     covariance[35] = math.radians(15.0) ** 2
@@ -146,7 +146,7 @@ def test_a_pose_of_rviz_is_an_edit(node):
     assert edit.sigmas == pytest.approx((0.5, 0.5, math.radians(15.0)))
     for _, answer in got:
         answer.set_exception(EditError("too far"))
-    with pytest.raises(Ros2Error, match=r"^/initialpose: too far$"):
+    with pytest.raises(BridgeError, match=r"^/initialpose: too far$"):
         sink.write(result, objects)
     sink.close()
 
@@ -163,7 +163,7 @@ def test_a_pose_that_cannot_be_is_an_edit_that_is_refused(value):
 
 
 def test_a_goal_is_published_with_the_next_step(node):
-    reader = node.subscription("/goal_pose", "geometry_msgs/msg/PoseStamped", Reliability.RELIABLE)
+    reader = Subscription(node, "/goal_pose", "geometry_msgs/msg/PoseStamped", Reliability.RELIABLE)
     sink = sink_of(node, "goes")
     (result,) = results(noise(1), POSES[:1])
     until_s = time.monotonic() + 60.0

@@ -9,10 +9,10 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
 from edgemap.bridges.ros2.dds.discovery import Discovery
-from edgemap.bridges.ros2.dds.node import Node
+from edgemap.bridges.ros2.dds.node import Node, Publisher
 from edgemap.bridges.ros2.dds.tf_poses import live_tf_poses
 from edgemap.bridges.ros2.messages import build
-from edgemap.bridges.ros2.messages.topics import KINDS, TF
+from edgemap.bridges.ros2.messages.topics import TF
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 
@@ -25,7 +25,7 @@ def test_a_path_that_comes_after_a_correction_replaces_its_spread():
     true = [SE2(0.05 * i, 0.0, 0.0) for i in range(COUNT)]
     odom = [SE2(0.05 * i, 0.3 * np.clip((i - 40) / 10, 0.0, 1.0), 0.0) for i in range(COUNT)]
     node = Node(Discovery(1 + (os.getpid() + 80) % 100, "OFF"))
-    tf, path = node.publisher(TF, KINDS[TF]), node.publisher("/mapPath", "nav_msgs/msg/Path")
+    tf, path = Publisher(node, TF, TF.kind), Publisher(node, "/mapPath", "nav_msgs/msg/Path")
 
     def publish(index):
         stamps_ns = [round(stamp_s * 1e9) for stamp_s in STAMPS_S[: index + 1].tolist()]
