@@ -120,8 +120,9 @@ class Mapper:
     def start_in(self, saved: SavedMap, start: SE2, sigmas: Sequence[float] = START_SIGMAS) -> None:
         """Continues a saved map from a stated pose. sigmas: of the start pose, m, m, rad. Raises MapError for a pose
         far from the map."""
-        if far := far_from_map([(start.x_m, start.y_m)], places_of(saved.objects, saved.grid)):
-            raise MapError(f"start pose: {far}")
+        far = far_from_map([(start.x_m, start.y_m)], places_of(saved.objects, saved.grid))
+        if far or math.isnan(start.yaw_rad):
+            raise MapError(f"start pose: {far or 'its yaw is no number'}")
         self._continued, self.edits = saved, MapEvents.after(saved.annotations.zones)
         taken = [item.id for item in saved.annotations.vanished]
         self.map = FloorMap(self.config.association, self.config.loop_closure, taken)

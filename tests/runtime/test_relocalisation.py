@@ -231,6 +231,8 @@ def test_a_pose_far_from_the_map_is_refused_and_loses_nothing(saved, far):
     assert (mapper.pose_map_base, [item.id for item in mapper.objects()]) == before
     with pytest.raises(MapError, match="too far: the map would be more than 50 m wide"):
         Mapper().start_in(SavedMap(saved), SE2(*far))
+    with pytest.raises(MapError, match="its yaw is no number"):
+        Mapper().start_in(SavedMap(saved), SE2(0.0, 0.0, np.inf))
 
 
 @pytest.mark.parametrize("x_m", [1e6 + 1.0, float("nan"), float("inf")])
