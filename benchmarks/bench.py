@@ -156,7 +156,8 @@ def standing_camera(camera: Camera, rate_hz: float) -> FileCamera:
     noisy = (first.image + random.normal(0.0, NOISE, first.image.shape) for _ in range(PICTURES))
     jpegs = [cv2.imencode(".jpg", np.clip(one, 0, 255).astype(np.uint8))[1].tobytes() for one in noisy]
     pictures = (decode_picture(jpeg, info.name) for jpeg in cycle(jpegs))
-    return FileCamera(info, (Picture(start_s + row / rate_hz, one, None, info.name) for row, one in enumerate(pictures)))
+    shots = (Picture(start_s + row / rate_hz, one, None, info.name) for row, one in enumerate(pictures))
+    return FileCamera(info, shots)
 
 
 def measure_at_rest(open_standing: OpenDrive, seconds: float, rate_hz: float) -> dict[str, Any]:
