@@ -29,6 +29,7 @@ from edgemap.runtime.motion.depth_scale import DepthScale
 from edgemap.runtime.motion.given_poses import read_given
 from edgemap.runtime.motion.judge import MotionJudge, path_of
 from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.motion.trust import TrustRule
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.config import Config
@@ -142,7 +143,7 @@ def test_a_gyro_or_accelerometer_that_lies_is_named(turn: Array, late_s: float, 
     random = np.random.default_rng(3)
     gyro = (np.outer(rate, UP) @ turn.T).real + random.normal(0.0, 0.002, (len(fine_s), 3))
     force = gravity * UP + random.normal(0.0, 0.02 if gravity else 0.0, (len(fine_s), 3))
-    samples, trust, texts, moved = ImuSamples(fine_s + late_s, gyro, force), ImuTrust(0.5), [], None
+    samples, trust, texts, moved = ImuSamples(fine_s + late_s, gyro, force), ImuTrust(0.5, TrustRule()), [], None
     for at in range(1, len(true)):
         part = samples.between(STAMPS_S[at - 1], STAMPS_S[at])
         _, fault = trust.judge(part, STAMPS_S[at], moved, UP, np.zeros(3))

@@ -9,6 +9,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.motion.attitude.imu_trust import ImuTrust
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude
 from edgemap.runtime.motion.attitude.source import NODDING_RAD
+from edgemap.runtime.motion.trust import TrustRule
 
 MOUNT, RULE = Mount.from_degrees(0.5, 10.0), AttitudeRule()
 
@@ -25,7 +26,7 @@ class AboutMount(InertialAttitude):
     """Gyro and accelerometer beside the mount's attitude, which counts where there are no samples."""
 
     def __init__(self, mount, rule=RULE, sigma_rad=NODDING_RAD):
-        super().__init__(mount, rule, CarriedRule(), ImuTrust(rule.noise.rest_window_s))
+        super().__init__(mount, rule, CarriedRule(), ImuTrust(rule.noise.rest_window_s, TrustRule()))
         self._level = Attitude.of_mount(mount, sigma_rad)
 
     def predict(self, frame, moved=None, other=None):

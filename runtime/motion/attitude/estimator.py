@@ -83,7 +83,7 @@ class EstimatedAttitude(AttitudeSource):
     rotation stays.
 
     imu: whether samples are used. clock: what is wrong with their stamps. given: by poses of others. rules: by which a
-    camera counts as carried. health: by which a picture shows another view.
+    camera counts as carried, and a gyro's yaw as wrong. health: by which a picture shows another view.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class EstimatedAttitude(AttitudeSource):
         rule, rules, mount = rule or AttitudeRule(), rules or OdometryRules(), camera.mount
         super().__init__(lambda _: Attitude.of_mount(mount))
         self._pictures = PicturesAttitude(mount, rule.check.tilt)
-        trust = ImuTrust(rule.noise.rest_window_s, clock)
+        trust = ImuTrust(rule.noise.rest_window_s, rules.hybrid.trust, clock)
         self._inertial = InertialAttitude(mount, rule, rules.pictures.carried, trust)
         self._depth, self._imu, self._given = DepthAttitude(camera, rule.check.tilt.lasting), imu, given
         self._check = MountCheck(camera, self._pictures, rule.check, health or HealthRule())

@@ -14,7 +14,8 @@ from edgemap.geometry.camera.inertial import GRAVITY_M_S2, small_rotation
 from edgemap.geometry.robust import CLEAR_SIGMAS
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.faults import Fault, FaultKind
-from edgemap.runtime.motion.judge import LEAST, MotionJudge, Path, path_of
+from edgemap.runtime.motion.judge import MotionJudge, Path, path_of, share_text
+from edgemap.runtime.motion.trust import CONTRARY, Agreement, Trust, TrustRule
 
 # By datasheets: the smallest full scale (125 deg/s, 2 g), from which on a value that repeats bit by bit is saturated,
 # and the largest (2000 deg/s, 16 g).
@@ -67,16 +68,17 @@ class _Sensor:
 class ImuTrust:
     """Selects valid samples, and decides which sensor is excluded."""
 
-    def __init__(self, window_s: float, clock: str = "") -> None:
-        """window_s: over which samples are judged. clock: what is wrong with the stamps of a recording's samples, all
-        of which are left out then."""
+    def __init__(self, window_s: float, trust: TrustRule, clock: str = "") -> None:
+        """window_s: over which samples are judged. trust: how the gyro's yaw is compared with the odometry's. clock:
+        what is wrong with the stamps of a recording's samples, all of which are left out then."""
         self._sensors = (
             _Sensor("gyro", "rad/s", GYRO_RAD_S, window_s, freezes=True),
             _Sensor("accelerometer", "m/s2", ACCEL_M_S2, window_s, freezes=False),
         )
-        self._judge, self._contrary = MotionJudge(), ""  # of delay, sign, axes and unit
+        self._least_rad, self._yaw = trust.least[0], Agreement(trust, trust.least[0])
+        self._judge, self._contrary = MotionJudge(), ""  # of delay, sign and axes
         self._recent = ImuSamples.none()  # as long as yaw is compared
-        self._step = math.nan, math.nan  # stamps of the last two frames
+        self._step, self._turned_rad = (math.nan, math.nan), 0.0  # stamps of the last two frames, and yaw by the gyro
         self._force, self.forceless = np.zeros(3), ""  # mean of a second; why the accelerometer is not used
         # Gravity's direction as a second's mean, turned by the gyro and not turned; squared errors of both; the fault.
         self._level, self._off_rad2, self._turns_gravity = np.zeros((2, 3)), np.zeros(2), ""
@@ -88,8 +90,8 @@ class ImuTrust:
 
     @property
     def proved(self) -> bool:
-        """Whether the odometry has confirmed the gyro's yaw, and still does."""
-        return self._judge.conclusive and not self._contrary
+        """Whether the odometry has confirmed the gyro's yaw, enough of it to show a delay, and still does."""
+        return self._judge.conclusive and self._yaw.state is Trust.TRUSTED and not self._yaw.doubted
 
     @property
     def follows_gravity(self) -> bool:
@@ -122,6 +124,7 @@ class ImuTrust:
             known &= moved is None or moved[0] != SE2()
             doubted = self._weigh_turns(samples, span_s if known else 0.0, bias)
             self._step = before_s, stamp_s
+            self._turned_rad = float((samples.gyro_rad_s.mean(axis=0) - bias) @ up) * span_s
             samples = samples.rows(good & (not doubted))
         before, self._reason = self._reason, self._guilty()
         return samples, _news(before, self._reason, "the IMU is left out", "the IMU (gyro and accelerometer)")
@@ -146,9 +149,11 @@ class ImuTrust:
         self._frames *= not samples
 
     def _compare(self, moved: tuple[SE2, Array] | None, up: Array, bias: Array) -> None:
-        """Compares the latest steps' yaw with the odometry's; at rest there is none."""
+        """Compares the last step's yaw with the odometry's, and the latest ones for delay and axes. Skipped at rest:
+        otherwise the variance of the window would grow without bound."""
         from_s, to_s = self._step
         if moved is None or not from_s < to_s or moved[0] == SE2():
+            self._yaw = self._yaw.restarted()
             return
         if self._judge.add(from_s, to_s, moved):
             stamps_s, rates = self._recent.stamps_s, self._recent.gyro_rad_s - bias
@@ -163,6 +168,8 @@ class ImuTrust:
                 right = next((name for name, axis in AXES.items() if not wrong(about(axis))), None)
                 if right:
                     self._contrary += f"; about its {right} axis it does (are its axes right, down, ahead?)"
+        yaw_rad, variance = moved[0].yaw_rad, float(moved[1][2, 2]) + (0.01 * (to_s - from_s)) ** 2
+        self._yaw = self._yaw.updated(self._turned_rad, yaw_rad, variance)
 
     def _weigh_turns(self, samples: ImuSamples, span_s: float, bias: Array) -> bool:
         """Compares where gravity is by gyro and accelerometer with where it is by the accelerometer alone: wrong axes
@@ -179,10 +186,10 @@ class ImuTrust:
         self._level += span_s * off / APART_S
         self._off_rad2 += span_s * ((off**2).sum(axis=1) - self._off_rad2) / APART_S
         turned_rad, fixed_rad = np.sqrt(self._off_rad2).tolist()
-        if turned_rad > max(CLEAR_SIGMAS * fixed_rad, LEAST[0]) and not self._turns_gravity:
+        if turned_rad > max(CLEAR_SIGMAS * fixed_rad, self._least_rad) and not self._turns_gravity:
             by = f"{math.degrees(turned_rad):.0f} deg, {math.degrees(fixed_rad):.0f} without the gyro"
             self._turns_gravity = f"it turns gravity away from the accelerometer's (by {by}): axes or unit?"
-        return turned_rad > max(CLEAR_SIGMAS * fixed_rad, LEAST[0] / 2.0)
+        return turned_rad > max(CLEAR_SIGMAS * fixed_rad, self._least_rad / 2.0)
 
     def _weighed(self, samples: ImuSamples, up: Array) -> tuple[ImuSamples, Fault | None]:
         """The samples with a force. While the accelerometer's mean is not gravity, that of a level camera takes its
@@ -220,6 +227,8 @@ class ImuTrust:
             return f"IMU: one sample in {frames:.1f} frames, at least one in two is needed"
         if contrary := self._turns_gravity or self._contrary:
             return f"gyro: {contrary}"
+        if self._yaw.state is Trust.DISTRUSTED and (self._judge.conclusive or self._yaw.ratio < -CONTRARY):
+            return f"gyro: {share_text('yaw', self._yaw.ratio, 1.0 - self._yaw.rule.ratio)}"
         return ""
 
 
