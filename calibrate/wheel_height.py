@@ -12,7 +12,7 @@ from edgemap.geometry.robust import FEWEST, median_and_scatter
 from edgemap.runtime.frames.camera import Camera
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.height_check import HeightRule
+from edgemap.runtime.motion.height_check import HeightRule, TravelWindows
 from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.slam import build_slam
 
@@ -42,18 +42,10 @@ def fit_wheel_height(
     # The run begins with a usual height, and its motion by pictures scales with it.
     guess = FloorCamera(lens, replace(mount, height_m=USUAL_HEIGHT_M))
     pipeline = build_slam(source, bundle, guess).pipeline
-    ratios: list[float] = []
-    travelled_m, seen_m, rolled_m = 0.0, 0.0, 0.0
+    travel = TravelWindows(WINDOW_M)
     for frame in frames:
-        lengths = pipeline.step(frame).motion.lengths
-        if lengths is None:
-            seen_m = rolled_m = 0.0
-            continue
-        seen_m, rolled_m = seen_m + lengths[0], rolled_m + lengths[1]
-        if abs(rolled_m) >= WINDOW_M:
-            ratios.append(rolled_m / (seen_m or 1e-3))
-            travelled_m += abs(rolled_m)
-            seen_m = rolled_m = 0.0
+        travel.add(pipeline.step(frame).motion.lengths)
+    ratios, travelled_m = travel.ratios, sum(abs(rolled_m) for _, rolled_m in travel.windows)
     if len(ratios) < FEWEST:
         raise CalibrationError(
             f"the wheels rolled {travelled_m:.1f} m with a floor in view, need "

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,29 @@ class HeightRule:
     guess_sigma: float = 0.3
 
 
+class TravelWindows:
+    """Paths by the camera and by the wheels, m, over windows of travel. window_m: of each, by the wheels. windows: the
+    newest ones, `most` of them."""
+
+    def __init__(self, window_m: float, most: int | None = None) -> None:
+        self._window_m, self.windows = window_m, deque[tuple[float, float]](maxlen=most)
+        self._camera_m = self._rolled_m = 0.0  # in the window so far
+
+    def add(self, lengths: tuple[float, float] | None) -> None:
+        """One frame, as of `Motion.lengths`; a window begins again where one of both measured none."""
+        camera_m, rolled_m = lengths or (0.0, 0.0)
+        self._camera_m, self._rolled_m = self._camera_m + camera_m, self._rolled_m + rolled_m
+        if done := abs(self._rolled_m) >= self._window_m:
+            self.windows.append((self._camera_m, self._rolled_m))
+        if done or lengths is None:
+            self._camera_m = self._rolled_m = 0.0
+
+    @property
+    def ratios(self) -> list[float]:
+        """The wheels' path over the camera's, of each window."""
+        return [rolled_m / (camera_m or 1e-3) for camera_m, rolled_m in self.windows]
+
+
 class HeightCheck:
     """Estimates the lens's height. A stated one that is clearly wrong is reported once; a guessed one is corrected.
 
@@ -54,9 +78,8 @@ class HeightCheck:
     def reset(self) -> None:
         """Discards all measurements, as of a carried camera."""
         self._sizes = HeightBySizes(KEPT)
-        self._ratios: deque[float] = deque(maxlen=KEPT)  # logarithms of wheels over camera
+        self._travel = TravelWindows(self._stated_m, KEPT)  # as long as the lens is high
         self._depths: deque[float] = deque(maxlen=KEPT)  # logarithms of depth's height over the mount's
-        self._camera_m = self._rolled_m = 0.0  # in the window so far
         self._began_s = math.inf
 
     def judge(
@@ -70,13 +93,13 @@ class HeightCheck:
             self.reset()
         elif used != self._used:
             self._sizes.turn(used.rotation_base_optical() @ self._used.rotation_base_optical().T)
-            self._ratios.clear()  # of motions by other angles
+            self._travel.windows.clear()  # of motions by other angles
         self._used = used
         self._began_s = min(self._began_s, stamp_s)
         if depth or motion.lengths is not None:
             self.scale, self._measured = 1.0, True
         if attitude.height_m is None:
-            self._compare(motion)
+            self._travel.add(motion.lengths)
             if self._sizes_timer.due(stamp_s):
                 self._sizes.add(boxes, camera)
         elif attitude.source == "depth":
@@ -84,19 +107,7 @@ class HeightCheck:
         due = stamp_s >= self._began_s + self._rule.judged_s and self._timer.due(stamp_s)
         return self._judge() if due else None
 
-    def _compare(self, motion: Motion) -> None:
-        """Compares the path of the wheels with the camera's, over windows as long as the lens is high."""
-        if motion.lengths is None:
-            self._camera_m = self._rolled_m = 0.0
-            return
-        camera_m, rolled_m = motion.lengths
-        self._camera_m, self._rolled_m = self._camera_m + camera_m, self._rolled_m + rolled_m
-        if abs(self._rolled_m) >= self._stated_m:
-            ratio = self._rolled_m / (self._camera_m or 1e-3)
-            self._ratios.append(math.log(ratio) if ratio > 0.0 else math.nan)
-            self._camera_m = self._rolled_m = 0.0
-
-    def _by(self, name: str, values: deque[float], least_sigma: float) -> HeightMeasurement | None:
+    def _by(self, name: str, values: Sequence[float], least_sigma: float) -> HeightMeasurement | None:
         """A measurement from logarithms of ratios to the mount's height; None for too few or one that is not finite."""
         if len(values) < FEWEST or not np.isfinite(values).all():
             return None
@@ -111,7 +122,8 @@ class HeightCheck:
         labels = ", ".join(one.name for one in measurements)
         sources = [f"the usual height of {labels}"] if labels else []
         depth = self._by("the floor in depth pictures", self._depths, DEPTH_SIGMA)
-        wheels = self._by("the wheels", self._ratios, rule.wheels_sigma)
+        ratios = [math.log(ratio) if ratio > 0.0 else math.nan for ratio in self._travel.ratios]
+        wheels = self._by("the wheels", ratios, rule.wheels_sigma)
         for more in filter(None, (depth, wheels)):
             if more is wheels and measurements and abs(more.log_m - stated) > wrong and not self._guessed:
                 by_others = agreed_height(measurements)[0]
