@@ -37,7 +37,7 @@ def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkR
             linked[root].append(group)
         group.append(one)
     count = len(groups)
-    if count < 2:  # none where all of a label have left
+    if count == 1:
         return groups
     starts = np.cumsum([0, *map(len, groups[:-1])])
     sums = np.add.reduceat(_sums([one for group in groups for one in group]), starts, axis=1)
