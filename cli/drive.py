@@ -20,6 +20,7 @@ from edgemap.cli.summary import RunSummary, judge_of, with_map_so_far
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.compose import RunSpec, compose, mapped_classes
 from edgemap.runtime.frames.camera import Camera
+from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.frames.inference import Inference
 from edgemap.runtime.frames.option_texts import host_and_port
 from edgemap.runtime.inputs.cameras.wrappers import PacedCamera, SearchRate
@@ -190,7 +191,8 @@ class Run:
             alone = not scale_source(files.document)
             if line := self.kept_camera.at_end(result.observed, summary.height, summary.rolling, alone):
                 print(line)
-        print(report.failure or f"see it:  {report.path}")
+        if not report.failure:
+            print(f"see it:  {report.path}")
         if server is not None and not stop.is_set():
             print(f"the page stays at {server.url}  (Ctrl-C ends it)", flush=True)
             with stop_on_signals() as enough:
@@ -198,6 +200,8 @@ class Run:
                     edits.apply(self.slam.mapper, done)
                     time.sleep(LOOK_EVERY_S)
         edits.close(self.slam.mapper)
+        if report.failure:
+            raise RunFolderError(report.failure)
 
     def _publishers(self, edits: Edits) -> list[Sink]:
         """Sinks of the recording and of other programs."""

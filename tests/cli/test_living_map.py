@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -198,10 +199,13 @@ def maps(tmp_path, monkeypatch):
     return tmp_path / "maps"
 
 
-def test_the_place_is_the_map_that_fits_and_is_continued_with_its_names_and_zones(maps):
+def test_the_place_is_the_map_that_fits_and_is_continued_with_its_names_and_zones(maps, capsys):
     before = {one.id: one for one in load_annotated_map(maps / "office")[0]}
+    (maps / "damaged").mkdir()
+    (maps / "damaged" / "map.json").write_text('{"objects": ')
     mapper = Mapper()
     finder = find_place(mapper)
+    assert re.fullmatch(r"--map auto: .*damaged/map.json.*: left out", capsys.readouterr().err.strip())
     sink = LivingMap(lambda: finder.saved and finder.saved.path, bool, lambda: Verdict("good"))
     for result, objects in go(mapper, ROOMS["office"], start_rad=2.0):
         sink.write(result, objects)

@@ -1,5 +1,6 @@
 """Record, replay, convert, as a user types it: the map of a replay is the map of the drive, byte for byte."""
 
+import re
 import signal
 import time
 from pathlib import Path
@@ -101,6 +102,15 @@ def test_a_full_disk_names_what_there_is_so_far(monkeypatch, capsys, pictures, p
     assert ended.value.code == 4
     assert f"(No space left on device); {left}" in capsys.readouterr().err
     assert not bundle or load_map(tmp_path / "run")[0].count > 0
+
+
+def test_a_run_whose_report_cannot_be_written_keeps_its_map_and_ends_with_an_error(
+    edgemap, pictures, painted_bundle, tmp_path
+):
+    (tmp_path / "run" / "report.html").mkdir(parents=True)
+    done = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    assert (done.returncode, load_map(tmp_path / "run")[0].count > 0) == (1, True)
+    assert re.search(r"report\.html was not written \(DiskError: .*\)$", done.stderr.strip())
 
 
 def test_ctrl_c_ends_a_recording_properly(started, tmp_path, pictures):
