@@ -289,12 +289,17 @@ class KeyframeWindow:
         self._factors[-1] = replace(self._factors[-1], edges=up, edges_rad=wide_rad)
 
     def loosen(self, up: Array) -> None:
-        """Loosens the gravity constraint of all poses in the window. up: new up vector (3,), optical axes. Discards the
-        marginalised prior.
+        """Loosens the gravity constraint of all poses in the window; the marginalised prior loses what it knows of a
+        rotation of all poses about a level axis. up: new up vector (3,), optical axes.
         """
         if self.poses:
             self._factors = [replace(one, up=up, up_rad=max(one.up_rad, UNHELD_RAD)) for one in self._factors]
-            self._prior = np.diag(ORIGIN), np.zeros(6), self.poses[:1]
+            prior, gradient, then = self._prior
+            level, size = np.eye(3)[:2, None], len(gradient)
+            arms = np.array([pose.position_m - then[0].position_m for pose in then])
+            tilt = np.dstack([np.broadcast_to(level, (2, *arms.shape)), _cross(level, arms)]).reshape(2, size)
+            tilted = np.vstack([np.eye(size), tilt])
+            self._prior = *_without(tilted @ prior @ tilted.T, tilted @ gradient, [size, size + 1]), then
 
     def unmeasured(self) -> float:
         """Share of the last picture's points whose depths are not measured; 1 without points."""

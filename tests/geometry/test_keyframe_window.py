@@ -38,13 +38,15 @@ def walk(pictures, nod_deg=3.0, pitch_deg=20.0):
 def followed(
     poses, rng, noise_px=0.3, wrong=0.0, gyro_rad=math.inf, rule=None, up_deg=10.0, height_m=HEIGHT_M,
     false_depths=None, edges_rad=None, walls=False, adds_up=False, hidden=range(0), again=True,
+    shown=slice(None), loosened=None,
 ):  # fmt: skip
     """A window after these poses. noise_px: of tracks, in all pictures or in each; adds_up: to the next. wrong:
     share of the points off the floor that the mask takes for floor. height_m: as given. false_depths: share of the
     points whose measured depths are wrong; None: no depth is measured. edges_rad: standard deviation of up by edges of
     every third picture. walls: no point is on the floor. hidden: pictures in which four of five points are not seen;
-    again: which the next one compares with those before."""
-    points, on_floor = scene(rng)
+    again: which the next one compares with those before. shown: the points that there are. loosened: picture before
+    which the mount changes."""
+    points, on_floor = (part[shown] for part in scene(rng))
     points, on_floor = (points[~on_floor], on_floor[~on_floor]) if walls else (points, on_floor)
     floor = np.where(on_floor | (rng.uniform(size=len(points)) < wrong), 0.9, 0.1)
     rule, up = rule or WindowRule(), up_optical(LEVEL.pitch_rad, 0.0)
@@ -68,6 +70,8 @@ def followed(
             measured = np.where(rng.uniform(size=len(points)) < false_depths, 1.5 * measured, measured)
         if edges_rad and index % 3 == 1:
             window.see_up(poses[index - 1].rotation[2] + rng.normal(0.0, edges_rad, 3), edges_rad)
+        if index == loosened:
+            window.loosen(up)
         ids = np.flatnonzero(seen)
         if again and index and index == hidden.stop:
             lost, shown = window.lost(np.flatnonzero(before))
@@ -95,6 +99,19 @@ def last_motion(window):
     by = np.zeros((3, 12))
     by[:, 3:6], by[:, 9:12] = -np.eye(3), np.eye(3)
     return window.poses[-1].position_m - window.poses[-2].position_m, by @ window.covariance @ by.T
+
+
+def test_a_window_whose_mount_has_changed_keeps_its_shape():
+    """All points are in view all the time, so that what most poses show of them has been marginalised."""
+    rotation = LEVEL.rotation_base_optical()
+    poses = [LensPose(rotation, np.array([0.1 * i, 0.35 * math.sin(0.8 * i), HEIGHT_M])) for i in range(65)]
+    ahead, back = ((scene(np.random.default_rng(0))[0] - poses[i].position_m) @ rotation for i in (-1, 0))
+    shown = [
+        (np.abs(local[:, :2] / local[:, 2:]) < [0.5, 0.4]).all(axis=1) & (local[:, 2] > 1.0) for local in (ahead, back)
+    ]
+    window = followed(poses, np.random.default_rng(0), shown=shown[0] & shown[1], loosened=len(poses) - 1)
+    off_m = last_motion(window)[0] - (poses[-1].position_m - poses[-2].position_m)
+    assert np.linalg.norm(off_m) < 0.02
 
 
 @pytest.mark.parametrize(("noise_px", "off_m"), [(0.1, 0.002), (0.5, 0.006)])
