@@ -124,9 +124,9 @@ class Run:
         """The sink that saves a map that lives back. Raises DiskError or RunFolderError."""
         finder, place = self.finder, self.place
         if finder is not None:
-            return LivingMap(lambda: finder.saved and finder.saved.path, bool, self._verdict)
+            return LivingMap(lambda: finder.saved and finder.saved.path, bool, self._verdict, self._complete)
         if place is not None and place.lives:
-            return LivingMap(place.path, lambda: self.slam.mapper.searching, self._verdict)
+            return LivingMap(place.path, lambda: self.slam.mapper.searching, self._verdict, self._complete)
         return None
 
     def _page_server(self, edits: Edits) -> "PageServer | None":
@@ -153,6 +153,10 @@ class Run:
     def _verdict(self) -> Verdict:
         """How far the map can be trusted."""
         return self.files.judge() if self.files else Verdict("care")
+
+    def _complete(self) -> None:
+        if self.files:
+            self.files.complete()
 
     def _drive_with(self, server: "PageServer | None", stop: Event, edits: Edits, kept: LivingMap | None) -> None:
         camera, saved = self.options.camera, self.options.map.saved

@@ -119,6 +119,12 @@ def test_an_unreliable_run_saves_beside_a_better_map(tmp_path, before):
     sink.release()
     assert (labels("map.json"), sink.beside) == (["chair", "couch"], "")
     assert not (tmp_path / "map.unreliable.json").exists()
+    save_map(tmp_path / "map.json", mapped([("bed", 1.0, 0.0)]), Annotations(identity=identity))
+    sink = LivingMap(tmp_path, bool, lambda: Verdict(verdicts[-1]), lambda: verdicts.append("unreliable"))
+    steps.into(sink, 12)
+    sink.close()  # only the complete map shows it
+    sink.release()
+    assert labels("map.json") == (["chair", "couch"] if before == "unreliable" else ["bed"])
 
 
 def test_a_run_folder_and_a_file_are_only_read(tmp_path, monkeypatch):

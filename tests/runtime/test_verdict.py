@@ -20,6 +20,7 @@ from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.health import PictureHealth
 from edgemap.runtime.motion.odometry.protocol import MotionState
 from edgemap.runtime.outputs.verdict.causes import CAUSE_OF, CAUSES
+from edgemap.runtime.outputs.verdict.doubled import DoubledObjects
 from edgemap.runtime.outputs.verdict.run_counts import RunCounts
 from edgemap.runtime.outputs.verdict.verdict import LEVELS, explain, is_doubtful, verdict_of
 
@@ -60,6 +61,12 @@ def test_objects_that_stand_as_earlier_ones_do_but_elsewhere_show_a_wrong_start_
         doubled = counts.quality()["doubled"]
         assert (doubled and doubled["objects"]) == twice
         assert ("8 objects stand twice" in verdict_of(record({"doubled": doubled}), objects).line) == bool(twice)
+    compared = DoubledObjects()
+    for vanished in (saved, saved[:3]):  # of which more are forgotten
+        compared.ended()
+        found = compared.seen(new, vanished)
+        assert found
+        assert found["objects"] == 8
 
 
 def test_a_pose_that_a_person_sets_wrongly_shows_by_the_objects_that_stand_twice_since():

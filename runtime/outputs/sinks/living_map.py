@@ -23,10 +23,10 @@ class LivingMap(Sink):
 
     folder: or what gives it once it is known, which is asked and then opened by `write`. searching: whether the robot
     is not yet relocalised in the map; nothing is written until then, so a run without relocalisation leaves the map
-    unchanged. verdict: on the run so far. While it is unreliable and the earlier map was
-    not, that map stays, and this run's is written as `map.unreliable.json`. A new map takes the scale of a corrected
-    lens height once, at the end. The folder is locked while the run lasts; `map.before.json` keeps the map of the run
-    before. Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
+    unchanged. verdict: on the run so far; complete: called before the last one. While it is unreliable and the earlier
+    map was not, that map stays, and this run's is written as `map.unreliable.json`. A new map takes the scale of a
+    corrected lens height once, at the end. The folder is locked while the run lasts; `map.before.json` keeps the map of
+    the run before. Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
     """
 
     def __init__(
@@ -34,11 +34,12 @@ class LivingMap(Sink):
         folder: Path | Callable[[], Path | None],
         searching: Callable[[], bool],
         verdict: Callable[[], Verdict] = lambda: Verdict("care"),
+        complete: Callable[[], None] = lambda: None,
     ) -> None:
         self.name = f"map {folder}" if isinstance(folder, Path) else "map of the place"
         self.path = Path("map.json")
         self._folder = folder
-        self._searching, self._verdict = searching, verdict
+        self._searching, self._verdict, self._complete = searching, verdict, complete
         self._result: StepResult | None = None  # the newest
         self._map: tuple[list[MapObject], Annotations] = [], NO_ANNOTATIONS
         self._saved_grid: int | None = None  # its sum
@@ -82,6 +83,7 @@ class LivingMap(Sink):
     def close(self) -> None:
         """Save for good; edits of the page that stays are still saved. Raises DiskError."""
         self._closed = True
+        self._complete()
         self._save()
 
     def release(self) -> None:

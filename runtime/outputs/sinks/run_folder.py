@@ -97,7 +97,8 @@ class RunFolder:
 
     def last(self, result: StepResult, objects: list[MapObject]) -> None:
         """The map of a result and its sightings, without a step."""
-        self._result, self._annotations, self._counts.objects = result, result.annotations, objects
+        self._result, self._annotations = result, result.annotations
+        self._counts.last(result, objects)
         if (correction := result.correction) is not None:
             before = self._counts.record.get("corrections", {"count": 0, "largest_m": 0.0})
             largest_m = max(before["largest_m"], round(correction.moved_m, 4))
@@ -128,12 +129,16 @@ class RunFolder:
         self.verdict = self._counts.verdict(self._file_scale)
         return self.verdict
 
+    def complete(self) -> None:
+        """The map is complete: what the verdict compares now and then is compared once more."""
+        self._counts.close()
+
     def close(self) -> None:
         """Save the map and the record for good. Raises DiskError where the disk does not take them."""
         if self._closed:
             return
         self._closed = True
-        self._counts.close()
+        self.complete()
         try:
             self._write_all(rewrites=True)
         finally:

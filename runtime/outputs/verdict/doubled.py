@@ -25,16 +25,19 @@ class DoubledObjects:
         """The map is complete: it is compared once more."""
         self._compared = 0
 
-    def seen(self, objects: Sequence[MapObject]) -> dict[str, Any] | None:
-        """Where new objects stand to each other as earlier, unobserved ones do, and chance does not explain it: their
-        number, and how far they are from these, m and deg. None where more of the earlier ones were observed again.
+    def seen(self, objects: Sequence[MapObject], vanished: Sequence[MapObject] = ()) -> dict[str, Any] | None:
+        """Where new objects stand to each other as earlier, unobserved ones do or did, and chance does not explain it:
+        their number, and how far they are from these, m and deg. None where more of the earlier ones were observed
+        again. vanished: what this run has removed, as the floor is free where it would stand.
         """
         old = [item for item in objects if item.earlier or item.last_seen_s < self._since_s]
         new = [item for item in objects if not item.earlier and item.first_seen_s >= self._since_s]
         new = [item for item in new if all(event.what != "restored" for event in item.history)]
-        if not self._compared <= len(new) < 2 * self._compared:
-            self._compared, self._seen = len(new), _compared(old, new)
         again = len(objects) - len(old) - len(new)
+        if (fewer := len(new) < self._compared) or len(new) >= 2 * self._compared:
+            gone = [item for item in vanished if item.earlier or item.last_seen_s < self._since_s]
+            before = None if fewer else self._seen  # which was so while more of the earlier ones were on the map
+            self._compared, self._seen = len(new), _compared([*old, *gone], new) or before
         return self._seen if self._seen and self._seen["objects"] > again else None
 
 

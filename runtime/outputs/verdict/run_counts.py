@@ -28,6 +28,8 @@ class RunCounts(Sink):
         self.mount_seen: dict[str, float] = {}  # as the drive has shown it so far
         self.objects: list[MapObject] = []  # of the newest map
         self.frames = 0
+        self._vanished: tuple[MapObject, ...] = ()  # likewise
+        self._long_gone: set[str] = set()  # ids of those that had vanished before this run
         self._doubled = [DoubledObjects()]  # since the start, and since a person has set the pose
         self._pose_map_odom = SE2()
         self._kinds: Counter[str] = Counter()
@@ -42,7 +44,9 @@ class RunCounts(Sink):
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Counts one step."""
-        self.objects = objects
+        self.objects, self._vanished = objects, result.annotations.vanished
+        if self.frames == 0 or result.relocated is not None:
+            self._long_gone = {item.id for item in self._vanished}
         observed, health = result.observed, result.health
         if (seen := observed.mount_estimate) is not None:
             self.mount_seen |= mount_record(seen)
@@ -95,6 +99,8 @@ class RunCounts(Sink):
         the largest along the way. duration_s: of stream. rate_hz: median. doubled: objects that stand twice.
         """
         names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount", "worktop", "searched")
+        vanished = [item for item in self._vanished if item.id not in self._long_gone]
+        doubled = (since.seen(self.objects, vanished) for since in self._doubled)
         step_s = float(np.median(self._steps_s)) if self._steps_s else 0.0
         duration_s = self._last_s - self._first_s if self.frames else 0.0
         sigmas = {"end": self._sigma.tolist(), "largest": self._largest.tolist()}
@@ -110,16 +116,16 @@ class RunCounts(Sink):
             "duration_s": round(duration_s, 3),
             "rate_hz": round(1.0 / step_s, 2) if step_s > 0.0 else None,
             "searched_hz": round(self._counts["searched_frames"] / duration_s, 2) if duration_s > 0.0 else None,
-            "doubled": next(filter(None, (since.seen(self.objects) for since in self._doubled)), None),
+            "doubled": next(filter(None, doubled), None),
         }
 
     def fault(self, fault: Fault) -> None:
         """Counts a fault by its kind."""
         self._kinds[fault.kind.value] += 1
 
-    def last(self, result: StepResult, objects: list[MapObject]) -> None:  # noqa: ARG002
+    def last(self, result: StepResult, objects: list[MapObject]) -> None:
         """The objects with the last boxes."""
-        self.objects = objects
+        self.objects, self._vanished = objects, result.annotations.vanished
 
     def close(self) -> None:
         """The map is complete."""
