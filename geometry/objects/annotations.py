@@ -12,6 +12,7 @@ from edgemap.geometry.se2 import SE2
 
 Corners = tuple[Place, ...]
 
+ADDED = "-added"  # between label and number of the id of an object that a person has added
 MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME = 100, 200, 80
 Level = Literal["good", "care", "unreliable"]
 LEVELS: tuple[Level, ...] = ("good", "care", "unreliable")
@@ -69,9 +70,9 @@ class Annotations:
     last_pose: SE2 | None = field(default=None, compare=False)
 
     def measured(self, saved: Sequence[MapObject]) -> list[MapObject]:
-        """The measured objects of a saved map, deleted ones included, without edits."""
+        """The measured objects of a saved map, deleted ones included, without edits; none that a person has added."""
         plain = {"name": "", "confirmed": False, "corrected": (), "yaw_rad": None, "depth_m": None}
-        return [replace(item, **plain) for item in (*saved, *self.deleted)]
+        return [replace(item, **plain) for item in (*saved, *self.deleted) if ADDED not in item.id]
 
     def with_areas(self, other: "Annotations") -> "Annotations":
         """Another map's zones and named rooms added, with the next free ids."""

@@ -17,6 +17,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.grid.rooms import Room, polygon_m2
 from edgemap.geometry.map_object import Ids, MapObject, as_places, id_order
 from edgemap.geometry.objects.annotations import (
+    ADDED,
     LONGEST_NAME,
     MAXIMUM_CORNERS,
     MAXIMUM_ZONES,
@@ -36,7 +37,6 @@ from edgemap.geometry.trajectory_correction import TrajectoryCorrection, compose
 EditKind = Literal["name", "confirm", "correct", "add", "merge", "delete", "zone", "room", "dock", "pose", "undo"]
 UNDOABLE = ("correct", "merge", "delete", "zone", "room", "dock")
 
-ADDED = "-added"  # between label and number of the id of an object that a person has added
 PLACED_SIGMA_M = 0.05  # for a position that a person sets on a map: a finger's width at the usual zoom
 SMALLEST_M, LARGEST_M = 0.02, 20.0  # limits of a size that a person sets; a zone is larger than the smallest square
 USUAL_WIDTH_M = 0.5  # of an added object whose class has no usual size
@@ -138,8 +138,6 @@ class _Fold:
     def _add(self, event: _Event) -> None:
         """Detections of its class in its place become part of it; the place is that of the latest correction."""
         edit = event.edit
-        if edit.id in self.objects:  # saved with a map
-            return
         stamp_s = 0.0 if event.anchors_s is None else float(event.anchors_s[0])
         none = np.zeros(2), np.eye(2)
         item = MapObject(edit.id, edit.label, *none, 0.0, 0.0, 1, 1.0, stamp_s, stamp_s, confirmed=True)
@@ -171,9 +169,10 @@ class MapEvents:
     def of(cls, saved: Iterable[MapObject], annotations: Annotations) -> "MapEvents":
         """The edits that a saved map holds."""
         items = (*saved, *annotations.deleted)
-        edits = [Edit("name", item.id, name=item.name) for item in items if item.name]
+        edits = [replace(_correction_of(item), do="add") for item in items if ADDED in item.id]
+        edits += [Edit("name", item.id, name=item.name) for item in items if item.name]
         edits += [Edit("confirm", item.id) for item in items if item.confirmed]
-        edits += [_correction_of(item) for item in items if item.corrected]
+        edits += [_correction_of(item) for item in items if item.corrected and ADDED not in item.id]
         edits += [Edit("zone", zone.id, zone.name, corners_m=zone.corners_m) for zone in annotations.zones]
         edits += [Edit("room", room.id, room.name, corners_m=room.corners_m) for room in annotations.rooms if room.name]
         if (dock := annotations.dock) is not None:

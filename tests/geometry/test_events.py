@@ -128,6 +128,18 @@ def test_an_addition_takes_in_what_is_detected_where_it_was_corrected_to():
     assert {"chair-1", "chair-added-1"} <= {item.id for item in events.shown(base)}
 
 
+def test_what_a_person_added_stays_in_later_runs_whatever_is_detected_there():
+    base, events = measured(), MapEvents()
+    taken(events, base, [Edit("add", label=label, place_m=(1.0, 2.0), yaw_rad=0.5) for label in ("robot", "lamp")])
+    taken(events, base, [Edit("name", "robot-added-1", name="Rex"), Edit("delete", "lamp-added-2")])
+    shown, notes = events.shown(base), events.annotations(base)
+    later, again = FloorMap().continued(notes.measured(shown)), MapEvents.of(shown, notes)
+    assert document(again, later) == document(events, base)
+    again.take(Edit("undo", "lamp-added-2"), later, anchors)
+    assert again.take(Edit("add", label="lamp", place_m=(1.0, 2.0)), later, anchors) == "lamp-added-3"
+    assert {"robot-added-1", "lamp-added-2", "lamp-added-3", "chair-1"} <= {one.id for one in again.shown(later)}
+
+
 def test_edits_of_this_run_turn_into_the_saved_maps_frame():
     base, events = measured(), MapEvents()
     taken(events, base, [
