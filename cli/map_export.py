@@ -70,6 +70,10 @@ def command(
     from edgemap.runtime.step.map_file import load_annotated_map
 
     above_zero(resolution=resolution, robot_width=robot_width)
+    if keep_out is not None and format not in ("nav2-masks", "nav2-vector"):
+        raise UsageError(f"--keep-out is for --format nav2-masks and nav2-vector, not {format}")
+    if speed is not None and format != "nav2-masks":
+        raise UsageError(f"--speed is for --format nav2-masks, not {format}")
     map = saved_map(map)
     (mapped, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
     map_id = map_id or (annotations.identity.map_id if annotations.identity else "map")

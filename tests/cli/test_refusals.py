@@ -143,6 +143,7 @@ REFUSED = [
     ("map export room.json --format csv -o room.json", 2, "map itself"),
     ("map export room.json --format png -o x.svg", 2, ".png"),
     ("map export room.json --format nav2 --resolution 0", 2, "--resolution 0:"),
+    ("map export room.json --format nav2 --keep-out hall", 2, "nav2-masks and nav2-vector"),
     ("map merge room.json -o out.json", 2, "two"),
     (f"{SCALE}", 2, "one length"),
     (f"{SCALE} --height 0.6 --between a,b,1", 2, "one length"),
