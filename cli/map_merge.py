@@ -35,6 +35,8 @@ def command(
     if len(maps) < 2:
         raise UsageError(f"{len(maps)} map given: merging needs two or more")
     path = out if out.suffix == ".json" else out / "map.json"
+    if (path.parent / "run.json").exists() and path.name == "map.json":
+        raise UsageError(f"{path.parent}: holds a run, whose map would be lost: --out takes another place")
     places = {str(number): saved_map(one) for number, one in enumerate(maps)}
     loaded = {number: load_annotated_map(place) for number, place in places.items()}
     merged = merge_all(loaded, "0", {number: load_grid(place) for number, place in places.items()})

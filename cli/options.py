@@ -19,7 +19,7 @@ BundleName = Annotated[
     arg(
         metavar="NAME|DIR",
         help="The model: a bundle folder, or a name of the package or the cache (pulled when it is in neither). By "
-        "default edgemap-nano for rendered pictures (demo, sim:, drive:), edgemap-pico for those of a real camera.",
+        "default edgemap-nano for rendered pictures (demo, sim:, simulate), edgemap-pico for those of a real camera.",
     ),
 ]
 WithoutImu = Annotated[

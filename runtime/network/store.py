@@ -20,7 +20,6 @@ from edgemap.runtime.network.manifest_file import MANIFEST_NAME, read_manifest, 
 
 BUNDLE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 RENDERED, LENS = "edgemap-nano", "edgemap-pico"
-RENDERED_KINDS = ("sim", "drive")
 SIMULATION_FILE = "simulation.json"  # lies in what `edgemap simulate` writes
 
 
@@ -128,8 +127,8 @@ def shipped_bundles() -> list[str]:
 def default_bundle(*specs: str) -> tuple[str, str]:
     """The bundle's name for sources `SPEC...`, and why: `edgemap-nano` only where every one of them is rendered.
 
-    `demo`, `sim:SEED` and `drive:DIR` count as rendered, as do pictures that `edgemap simulate` wrote. A recording
-    counts as what it was recorded from: pass that.
+    `demo`, `sim:SEED` and what `edgemap simulate` wrote count as rendered, as does a `drive:DIR` that is not here. A
+    recording counts as what it was recorded from: pass that.
     """
     real = next((spec for spec in specs if not _is_rendered(spec)), None)
     if real is None:
@@ -138,5 +137,7 @@ def default_bundle(*specs: str) -> tuple[str, str]:
 
 
 def _is_rendered(spec: str) -> bool:
-    kind, _, folder = spec.partition(":")
-    return spec == "demo" or kind in RENDERED_KINDS or bool(folder and (Path(folder) / SIMULATION_FILE).is_file())
+    kind, _, name = spec.partition(":")
+    folder = user_path(name)
+    written = bool(name) and (folder / SIMULATION_FILE).is_file()
+    return spec == "demo" or kind == "sim" or written or (kind == "drive" and not folder.is_dir())

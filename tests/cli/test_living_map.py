@@ -22,7 +22,8 @@ from edgemap.geometry.objects.events import Edit
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import RunFolderError
 from edgemap.runtime.outputs.sinks.living_map import LivingMap
-from edgemap.runtime.outputs.verdict.verdict import Verdict
+from edgemap.runtime.outputs.verdict.causes import CAUSES
+from edgemap.runtime.outputs.verdict.verdict import Finding, Verdict
 from edgemap.runtime.step.map_file import load_annotated_map, load_map, save_map
 from edgemap.runtime.step.map_store import find_map, saved_map
 from edgemap.runtime.step.mapper import Mapper
@@ -120,11 +121,14 @@ def test_an_unreliable_run_saves_beside_a_better_map(tmp_path, before):
     assert (labels("map.json"), sink.beside) == (["chair", "couch"], "")
     assert not (tmp_path / "map.unreliable.json").exists()
     save_map(tmp_path / "map.json", mapped([("bed", 1.0, 0.0)]), Annotations(identity=identity))
-    sink = LivingMap(tmp_path, bool, lambda: Verdict(verdicts[-1]), lambda: verdicts.append("unreliable"))
+    findings: list[Finding] = []
+    misplaced = Finding("unreliable", CAUSES["place"], "8 objects stand twice")
+    verdict = lambda: Verdict("unreliable" if findings else "good", tuple(findings))  # noqa: E731
+    sink = LivingMap(tmp_path, bool, verdict, lambda: findings.append(misplaced))
     steps.into(sink, 12)
     sink.close()  # only the complete map shows it
     sink.release()
-    assert labels("map.json") == (["chair", "couch"] if before == "unreliable" else ["bed"])
+    assert labels("map.json") == ["bed"]
 
 
 def test_a_run_folder_and_a_file_are_only_read(tmp_path, monkeypatch):

@@ -145,6 +145,7 @@ REFUSED = [
     ("map export room.json --format nav2 --resolution 0", 2, "--resolution 0:"),
     ("map export room.json --format nav2 --keep-out hall", 2, "nav2-masks and nav2-vector"),
     ("map merge room.json -o out.json", 2, "two"),
+    ("map merge run room.json -o run", 2, "holds a run"),
     (f"{SCALE}", 2, "one length"),
     (f"{SCALE} --height 0.6 --between a,b,1", 2, "one length"),
     (f"{SCALE} --height 2.4", 2, "3.2 times"),

@@ -159,6 +159,8 @@ def test_rendered_pictures_and_those_of_a_lens_get_the_bundle_that_was_trained_f
     (tmp_path / "simulation.json").write_text("{}")
     for spec in ("demo", "sim:8000", "drive:home", f"yolo:{tmp_path}"):
         assert default_bundle(spec) == (RENDERED, f"trained for rendered pictures, as those of {spec}")
+    (tmp_path / "own").mkdir()
+    assert default_bundle(f"drive:{tmp_path / 'own'}")[0] == LENS
     photographs = "realsense realsense:a.db3 0 /dev/video0 drive.mp4 pictures/ kitti:a tum:a c2w:a locobot:a yolo:a"
     for spec in (*photographs.split(), "rtsp://robot/camera", "gone.mcap", "photo.jpg"):
         assert default_bundle(spec) == (LENS, f"trained for real cameras, as {spec} is")

@@ -10,7 +10,7 @@ from edgemap.evaluation.rows import EvaluationRow
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.annotations import Annotations
 from edgemap.runtime.frames.disk import write_atomically
-from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError, DiskError
 from edgemap.runtime.frames.frame import jpeg
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.pictures import read_picture
@@ -81,6 +81,8 @@ class ReportFile(Sink):
     def _write(self) -> None:
         try:
             write_atomically(self.path, report_page(report_document(self._content())))
+        except DiskError as error:
+            self.failure = str(error)
         except Exception as error:  # the map is saved, and the run's end goes on
             self.failure = f"{self.path} was not written ({type(error).__name__}: {error})"
 

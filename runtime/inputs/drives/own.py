@@ -12,6 +12,7 @@ depth/…                    optional; 16-bit pictures, millimetres along the op
 """
 
 import json
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise
+from edgemap.runtime.frames.spatial_poses import attitudes_of, planarise, up_vector
 from edgemap.runtime.frames.trajectory import EDGE_S, Trajectory, tum_line
 from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, write_camera_yaml
 from edgemap.runtime.inputs.drives.drive import Drive
@@ -50,6 +51,12 @@ def read_own(folder: Path) -> Drive:
         raise CameraError(f"{folder}: neither images/ nor {VIDEO_NAME} in it")
     path, listed, known, wheel = (folder / name for name in ("poses.tum", "stamps.txt", "boxes.json", "wheel.csv"))
     stamps, matrices = read_tum_3d(path)
+    upright = float(np.median(matrices[:, :3, 2] @ up_vector(drive.world_up)))
+    if upright < 0.5:  # 60 degrees
+        raise CameraError(
+            f"{path}: its z axes are {math.degrees(math.acos(upright)):.0f} deg off world_up: a drive has poses of its "
+            "base, x ahead and z up; those of a camera's optical axes are read by --odometry FILE.tum"
+        )
     truth = Trajectory(stamps, planarise(matrices, drive.world_up, "x"))
     attitudes = attitudes_of(stamps, matrices, drive.world_up, drive.mount) if drive.mount else None
     if listed.is_file():

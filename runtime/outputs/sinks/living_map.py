@@ -24,9 +24,10 @@ class LivingMap(Sink):
     folder: or what gives it once it is known, which is asked and then opened by `write`. searching: whether the robot
     is not yet relocalised in the map; nothing is written until then, so a run without relocalisation leaves the map
     unchanged. verdict: on the run so far; complete: called before the last one. While it is unreliable and the earlier
-    map was not, that map stays, and this run's is written as `map.unreliable.json`. A new map takes the scale of a
-    corrected lens height once, at the end. The folder is locked while the run lasts; `map.before.json` keeps the map of
-    the run before. Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
+    map was not, or the run was placed wrongly in it, that map stays, and this run's is written as
+    `map.unreliable.json`. A new map takes the scale of a corrected lens height once, at the end. The folder is locked
+    while the run lasts; `map.before.json` keeps the map of the run before. Raises DiskError where the folder cannot be
+    made, RunFolderError where another run uses it.
     """
 
     def __init__(
@@ -48,7 +49,8 @@ class LivingMap(Sink):
         self._replaced = False  # the map of the runs before, which is kept once
         self._save_timer = StreamTimer(SAVE_EVERY_S)
         self._lock: int | None = None
-        self._better: dict[Path, bytes] = {}  # files of the map of the runs before, where they were not unreliable
+        self._earlier: dict[Path, bytes] = {}  # files of the map of the runs before
+        self._is_better = False  # than an unreliable one
         self.beside = ""  # where this run's map was saved instead, in one line
         if isinstance(folder, Path):
             self._open(folder)
@@ -59,9 +61,9 @@ class LivingMap(Sink):
         if not self.path.is_file():
             return
         identity = load_annotated_map(self.path)[1].identity
-        if identity is None or identity.level != "unreliable":
-            files = (self.path.with_name(grid_name(self.path)), self.path)
-            self._better = {path: read_bytes(path, MapError) for path in files if path.is_file()}
+        self._is_better = identity is None or identity.level != "unreliable"
+        files = (self.path.with_name(grid_name(self.path)), self.path)
+        self._earlier = {path: read_bytes(path, MapError) for path in files if path.is_file()}
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Save by the stream's time. Raises DiskError, or RunFolderError where another run uses the found folder."""
@@ -94,12 +96,13 @@ class LivingMap(Sink):
 
     def _choose(self, verdict: Verdict) -> None:
         """Where to save: next to a better map, or in its place."""
-        apart = bool(self._better) and verdict.level == "unreliable"
+        worse = verdict.misplaced or (self._is_better and verdict.level == "unreliable")
+        apart = bool(self._earlier) and worse
         path = self.path.with_name("map.unreliable.json" if apart else "map.json")
         if path == self.path:
             return
         if apart and self._written is not None:
-            for file, data in self._better.items():
+            for file, data in self._earlier.items():
                 write_atomically(file, data)
         elif not apart:
             self.path.unlink(missing_ok=True)

@@ -52,6 +52,11 @@ class Verdict:
         shown = "; ".join(finding.text for finding in self.findings[:3])
         return f"map: {TITLES[self.level]}" + (f" ({shown})" if shown else "")
 
+    @property
+    def misplaced(self) -> bool:
+        """Whether the run was placed wrongly in the saved map that it goes on with."""
+        return any(finding.cause is CAUSES["place"] for finding in self.findings)
+
     def document(self) -> dict[str, Any]:
         """The verdict as plain values, as in run.json."""
         return {"level": self.level, "reasons": [finding.text for finding in self.findings]}

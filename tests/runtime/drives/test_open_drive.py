@@ -71,6 +71,9 @@ def folder_of(tmp_path, files):
     return tmp_path
 
 
+LENS_FILE = {"camera.yaml": "{width: 64, height: 48, fx: 60, fy: 60, cx: 32, cy: 24}"}
+
+
 def euroc(stamp="1000000000", fx="60.0", truth="1000000000 0 0 0 0 0 0 1\n"):
     camera = EUROC_CAMERA.replace("FX", fx)
     return {f"image/{stamp}.png": "", "cam0.yaml": camera, "imu.csv": "1000000000,0,0,0,0,0,9.8\n", "truth.txt": truth}
@@ -98,7 +101,8 @@ def euroc(stamp="1000000000", fx="60.0", truth="1000000000 0 0 0 0 0 0 1\n"):
         ("tum", {"rgb.txt": "1.0 a.png\n1.0 b.png\n"}, "rgb.txt:2: 1.000000 s is not after 1.000000 s"),
         ("yolo", {"images/a.png": "", "labels/b.txt": ""}, "no label file for any of the 1 pictures"),
         ("yolo", {"images/a.png": "", "labels/a.txt": "0.5 0.5 0.5 0.1 0.1\n"}, "class 0.5 is not a whole number"),
-        ("drive", {"camera.yaml": "{width: 64, height: 48, fx: 60, fy: 60, cx: 32, cy: 24}"}, "neither images/ nor"),
+        ("drive", LENS_FILE, "neither images/ nor"),
+        ("drive", LENS_FILE | {"images/a.png": "", "poses.tum": "0 0 0 0 -.5 .5 -.5 .5\n"}, "z axes are 90 deg off"),
     ],
 )  # fmt: skip
 def test_a_folder_that_cannot_be(tmp_path, kind, files, words):
