@@ -52,7 +52,7 @@ def floor_camera_of(
     if guess.height_sigma and guess.sway_rad:
         print("  the height is the scale of the map; a tape, from floor to lens as you carry it: --mount HEIGHT_M")
     elif guess.height_sigma:
-        print("  the drive corrects the height by sizes of objects; a tape, floor to lens, is exact: --mount HEIGHT_M")
+        print("  wheels or depth correct the height in the drive; a tape, floor to lens, is exact: --mount HEIGHT_M")
     print("  edgemap calibrate measures all of it without guessing", flush=True)
     return floor, guess
 

@@ -79,7 +79,9 @@ def _chosen(objects: "list[MapObject]", wanted: str | None, label: str | None, n
     if (wanted is None) == (label is None):
         raise UsageError("give the object's ID, or --label L for the nearest of a class")
     if wanted is not None:
-        named = [item for item in objects if wanted in (item.id, item.name)]
+        named = [item for item in objects if item.id == wanted] or [item for item in objects if item.name == wanted]
+        if len(named) > 1:
+            raise UsageError(f"{wanted!r} is the name of {' and '.join(item.id for item in named)}: give an id")
         if not named:
             names = [item.id for item in objects] + [item.name for item in objects if item.name]
             raise UsageError(f"no object {wanted!r} on the map: {known_names([wanted], names, 'it has')}")

@@ -35,8 +35,8 @@ def command(
         arg(aliases=["-o"], metavar="PATH", help="File or folder to write; beside the map by default."),
     ] = None,
     resolution: Annotated[
-        float, arg(metavar="M", help="nav2, of a map without a grid: side of a cell, metres.")
-    ] = 0.05,
+        float | None, arg(metavar="M", help="nav2, of a map without a grid: side of a cell, metres; 0.05.")
+    ] = None,
     robot_width: Annotated[
         float,
         arg(metavar="M", help="nav2: width of the robot's path that counts as free; route: of the robot; metres."),
@@ -77,14 +77,16 @@ def command(
     map = saved_map(map)
     (mapped, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
     map_id = map_id or (annotations.identity.map_id if annotations.identity else "map")
-    path = _target(map, format, out)
+    if resolution is not None and floor is not None and format == "nav2":
+        raise UsageError(f"--resolution: the map has a grid, which is written as it is: cells of {floor.cell_m:g} m")
+    path, cell_m = _target(map, format, out), resolution or 0.05
     written, what = [path], f"{len(mapped)} objects"
     if format == "nav2":
         from edgemap.runtime.outputs.map_formats.grid import grid_of
         from edgemap.runtime.outputs.map_formats.nav2 import write_nav2
 
         if floor is None:
-            grid = grid_of(mapped, trajectory, resolution, robot_width)
+            grid = grid_of(mapped, trajectory, cell_m, robot_width)
         else:
             grid = grid_of(mapped if objects else (), None, floor.cell_m, observed=floor)
         written = list(write_nav2(path, grid))
@@ -96,7 +98,7 @@ def command(
 
         if keep_out is None and speed is None:
             raise UsageError("--format nav2-masks needs --keep-out ZONE,… or --speed ZONE=PERCENT,…")
-        written = write_masks(path, annotations.zones, listed(keep_out), _percentages(speed), resolution)
+        written = write_masks(path, annotations.zones, listed(keep_out), _percentages(speed), cell_m)
         what = "masks of zones"
     elif format == "route":
         from edgemap.runtime.outputs.map_formats.route import route_text
@@ -126,7 +128,7 @@ def command(
         from edgemap.runtime.outputs.map_formats.nav2 import vector_text
 
         zones = annotations.zones
-        write_atomically(path, vector_text(mapped, map_id, resolution, zones, listed(keep_out)))
+        write_atomically(path, vector_text(mapped, map_id, cell_m, zones, listed(keep_out)))
         what = _counted(objects=mapped, zones=zones)
     hint = "" if trajectory or floor else "; no trajectory.tum beside it" if format == "nav2" else ""
     print(f"{what} written to {' and '.join(str(path) for path in written)}{hint}")

@@ -7,7 +7,7 @@ import socket
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 # A name, an address, or an IPv6 one in brackets; a port. Nothing else, for it comes back in the page's own headers.
@@ -51,11 +51,11 @@ class Guard:
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         host = headers.get("host", "")
         if not self._is_own(host):
-            return PlainTextResponse(f"{host!r} is not a name of this robot\n", 400)
+            return _refused(scope, f"{host!r} is not a name of this robot", 400)
         if not scope.get("query_string", b"").isascii():  # as RFC 3986 has it; starlette would fail at it
-            return PlainTextResponse("the query is not ASCII\n", 400)
+            return _refused(scope, "the query is not ASCII", 400)
         if _from_another_site(scope, headers):
-            return PlainTextResponse("requests from other sites are refused\n", 403)
+            return _refused(scope, "requests from other sites are refused", 403)
         if not self._token:
             return None
         asked = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
@@ -66,7 +66,7 @@ class Guard:
         bearer = headers.get("authorization", "").removeprefix("Bearer ")
         if any(self._matches(given) for given in (asked, bearer, cookie_value(headers, self._cookie))):
             return None
-        return PlainTextResponse(NO_TOKEN + "\n", 401)
+        return _refused(scope, NO_TOKEN, 401)
 
     def _matches(self, given: str) -> bool:
         return secrets.compare_digest(given.encode(), self._token.encode())
@@ -79,6 +79,13 @@ class Guard:
             return name in self._names or bool(ipaddress.ip_address(name))
         except ValueError:
             return False
+
+
+def _refused(scope: Scope, text: str, status: int) -> Response:
+    """One line: JSON for paths below /api/, as all errors of the API, otherwise text."""
+    if scope["path"].startswith("/api/"):
+        return JSONResponse({"error": text}, status)
+    return PlainTextResponse(f"{text}\n", status)
 
 
 def _headers(host: str) -> dict[str, str]:

@@ -29,9 +29,6 @@ class HeightRule:
     wheels_sigma: float = 0.05  # standard deviation of the wheels' radius, relative
     judged_s: float = 10.0  # stream time before the first report
     wrong_share: float = 0.25  # least relative error of a wrong height without depth
-    # Least standard deviation of a guess, relative, when it is fused with what the run measures: most of the guess came
-    # from the same objects.
-    guess_sigma: float = 0.3
 
 
 class TravelWindows:
@@ -119,6 +116,9 @@ class HeightCheck:
         rule, stated = self._rule, math.log(self._stated_m)
         wrong = math.log1p(rule.wrong_share)
         measurements = self._sizes.measurements(FloorNoise().tilt_rad, FEWEST)
+        # Most of a guess came from the same objects: they are used where they measure better than it.
+        holds = self._guessed and not (measurements and agreed_height(measurements)[1] < self._guessed)
+        measurements = [] if holds else measurements
         labels = ", ".join(one.name for one in measurements)
         sources = [f"the usual height of {labels}"] if labels else []
         depth = self._by("the floor in depth pictures", self._depths, DEPTH_SIGMA)
@@ -132,9 +132,11 @@ class HeightCheck:
             measurements.append(more)
             sources.append(more.name)
         if not measurements:
+            if holds:
+                self.estimate, self.scale = None, 1.0
             return None
-        if self._guessed:
-            measurements.append(HeightMeasurement("the guess", stated, max(self._guessed, rule.guess_sigma)))
+        if holds:
+            measurements.append(HeightMeasurement("the guess", stated, self._guessed))
         log_m, sigma = agreed_height(measurements)
         self.estimate = HeightEstimate(math.exp(log_m), math.exp(log_m) * sigma)
         if self._guessed:

@@ -113,13 +113,13 @@ def seen(check, indices, boxes=BOXES, mount=TAKEN, attitude=None, **measured):
         assert not check.judge(index / 10, camera, boxes, **given)
 
 
-@pytest.mark.parametrize("guessed", [0.0, 0.3])
-def test_a_guess_moves_to_the_sizes_of_objects_and_a_given_height_never(guessed):
-    """The sizes (13 %) weigh five times as much as a guess of 30 %."""
-    check = HeightCheck(TAKEN, guessed=guessed)
+@pytest.mark.parametrize("guessed", [0.0, 0.1, 0.3])
+def test_a_guess_moves_to_sizes_of_objects_that_are_surer_than_it_and_a_given_height_never(guessed):
+    check = HeightCheck(TAKEN, guessed=guessed)  # the sizes are known to 13 %
     seen(check, range(200))
-    assert check.scale == (pytest.approx(BY_SIZES, abs=0.04) if guessed else 1.0)
-    assert check.estimate.height_m == pytest.approx(0.6, abs=0.03)
+    assert check.scale == (pytest.approx(BY_SIZES, abs=0.04) if guessed == 0.3 else 1.0)
+    assert (check.estimate is None) == (guessed == 0.1)
+    assert check.estimate is None or check.estimate.height_m == pytest.approx(0.6, abs=0.03)
 
 
 def test_wheels_measure_the_path_so_its_scale_stays():

@@ -59,7 +59,8 @@ def test_a_name_that_was_made_to_point_here_is_refused(serve):
 def test_another_sites_script_gets_neither_map_nor_socket(serve):
     port = serve().port
     for origin in ("https://evil.example", "null", "http://127.0.0.1:1", "http://localhost", "http://[", "//", "x"):
-        assert ask(port, "/api/map", Origin=origin)[0] == 403
+        status, _, text = ask(port, "/api/map", Origin=origin)
+        assert (status, text) == (403, {"error": "requests from other sites are refused"})
         assert ask(port, "/api/pause", "POST", Origin=origin)[0] == 403
         with pytest.raises(InvalidStatus, match="403"), raw_viewer(port, origin=origin):
             pass
