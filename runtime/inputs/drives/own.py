@@ -54,7 +54,7 @@ def read_own(folder: Path) -> Drive:
     upright = float(np.median(matrices[:, :3, 2] @ up_vector(drive.world_up)))
     if upright < 0.5:  # 60 degrees
         raise CameraError(
-            f"{path}: its z axes are {math.degrees(math.acos(upright)):.0f} deg off world_up: a drive has poses of its "
+            f"{path}: its z axes are {math.degrees(math.acos(max(upright, -1.0))):.0f} deg off world_up: a drive has poses of its "
             "base, x ahead and z up; those of a camera's optical axes are read by --odometry FILE.tum"
         )
     truth = Trajectory(stamps, planarise(matrices, drive.world_up, "x"))
