@@ -53,9 +53,10 @@ def read_own(folder: Path) -> Drive:
     stamps, matrices = read_tum_3d(path)
     upright = float(np.median(matrices[:, :3, 2] @ up_vector(drive.world_up)))
     if upright < 0.5:  # 60 degrees
+        off_deg = math.degrees(math.acos(max(upright, -1.0)))
         raise CameraError(
-            f"{path}: its z axes are {math.degrees(math.acos(max(upright, -1.0))):.0f} deg off world_up: a drive has poses of its "
-            "base, x ahead and z up; those of a camera's optical axes are read by --odometry FILE.tum"
+            f"{path}: its z axes are {off_deg:.0f} deg off world_up: a drive has poses of its base, x ahead and z up; "
+            "those of a camera's optical axes are read by --odometry FILE.tum"
         )
     truth = Trajectory(stamps, planarise(matrices, drive.world_up, "x"))
     attitudes = attitudes_of(stamps, matrices, drive.world_up, drive.mount) if drive.mount else None
