@@ -106,10 +106,10 @@ def test_a_camera_file_brings_lens_and_mount(painted_bundle, pictures, tmp_path)
 
 
 def test_the_camera_file_of_a_guess_stays_a_guess(painted_bundle, pictures, tmp_path, monkeypatch):
-    """As in a run: sizes of objects correct a height that is hardly known, and the verdict contains the guess; a mount that is given is
-    none."""
+    """As in a run: sizes of objects correct a height that is hardly known, and the verdict contains the guess; a mount
+    that is given is none."""
     described, file = read_camera_yaml(pictures / "camera.yaml"), tmp_path / "guess.yaml"
-    guess = {"method": "guessed", "focal_sigma_share": 0.0, "height_sigma_share": 0.5, "sigma_pitch_deg": 0.0}
+    guess = {"method": "guessed", "focal_sigma_share": 0.0, "height_sigma_share": 0.9, "sigma_pitch_deg": 0.0}
     write_camera_yaml(file, CameraFile(described.intrinsics, described.mount, calibration=guess))
     monkeypatch.setattr(height_check, "FEWEST", 1)  # the source has three pictures
     soon = Config(height=HeightRule(judged_s=0.0))
