@@ -163,6 +163,8 @@ def test_a_pose_before_an_object(edgemap, tmp_path, asked, number):
     done = edgemap("map", "approach", tmp_path, "chair-1", "--near", "0,0")
     assert done.stdout.startswith("chair-1: x 1.")
     assert "yaw 0.0 deg; 0.40 m before it, free floor" in done.stdout
+    done = edgemap("map", "export", tmp_path, "--format", "nav2", "--resolution", "0.1")
+    assert (done.returncode, "cells of 0.05 m" in done.stderr) == (2, True)
     save_map(tmp_path / "map.json", [replace(one, name="blue chair") for one in (near, far)])
     done = edgemap("map", "approach", tmp_path, "blue chair")
     assert "'blue chair' is the name of chair-1 and chair-2: give an id" in done.stderr

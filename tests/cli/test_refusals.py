@@ -144,6 +144,7 @@ REFUSED = [
     ("map export room.json --format png -o x.svg", 2, ".png"),
     ("map export room.json --format nav2 --resolution 0", 2, "--resolution 0:"),
     ("map export room.json --format nav2 --keep-out hall", 2, "nav2-masks and nav2-vector"),
+    ("map export room.json --format csv --speed hall=50", 2, "--speed is for --format nav2-masks"),
     ("map merge room.json -o out.json", 2, "two"),
     ("map merge run room.json -o run", 2, "holds a run"),
     (f"{SCALE}", 2, "one length"),
