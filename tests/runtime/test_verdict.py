@@ -130,6 +130,8 @@ LISTED = {"faults": [{"kind": "mount_height", "frame": 90, "text": "mount: measu
         ({"quality": {"heading_sigma_deg": {"end": 120.0}}}, "unreliable", "drift", "the heading is unknown"),
         ({"quality": {"wheel_frames": 300}}, "care", "wheels", "50 % of the frames in motion have no wheel odometry"),
         ({"quality": {"wheel_frames": 0, "wheels": True}}, "care", "wheels", "100 % of the frames in motion"),
+        ({"quality": {"wheel_frames": 0, "camera_frames": 300}, "odometry": "wheel:w.csv"}, "care", "wheels",
+         "50 % of the frames in motion have no wheel odometry"),
         ({"quality": {"wheel_frames": 0, "guessed_frames": 60}, "odometry": "wheel:w.csv"}, "care", "wheels",
          "10 % of the frames in motion"),
         ({"quality": {"guessed_frames": 200}}, "unreliable", "drift", "33 % of the frames is a guess"),

@@ -73,6 +73,7 @@ class RunCounts(Sink):
             guessed_frames=result.motion.blind,
             still_frames=observed.at_rest,
             wheel_frames=members.get("wheels") == "used",
+            camera_frames=members.get("camera") == "used",
             gyro_frames=members.get("gyro") == "used",
             object_frames=bool(result.sightings),
             carried_frames=bool(attitude and attitude.carried),
@@ -92,13 +93,13 @@ class RunCounts(Sink):
         frames: all. blind_frames: pictures without information, by kind in `blind`; one that only repeats while the
         robot rests does not count. guessed_frames: nothing measured the motion. still_frames: the robot at rest.
         wheels: whether the source or an option declares wheel odometry, with data or without. wheel_frames,
-        gyro_frames: that member of the odometry was used. object_frames: with an object on the floor. carried_frames:
-        the camera sways as in a hand or on a head. mount_frames: roll and pitch were the mount's, unmeasured.
-        worktop_frames: cups, books or the like stood on the floor mask. searched_frames: with a detector's boxes,
-        searched_hz a second. travelled_m. sigma_m, heading_sigma_deg: standard deviation of the pose, at the end and
-        the largest along the way. duration_s: of stream. rate_hz: median. doubled: objects that stand twice.
+        camera_frames, gyro_frames: that member of the odometry was used. object_frames: with an object on the floor.
+        carried_frames: the camera sways as in a hand or on a head. mount_frames: roll and pitch were the mount's,
+        unmeasured. worktop_frames: cups, books or the like stood on the floor mask. searched_frames: with a detector's
+        boxes, searched_hz a second. travelled_m. sigma_m, heading_sigma_deg: standard deviation of the pose, at the end
+        and the largest along the way. duration_s: of stream. rate_hz: median. doubled: objects that stand twice.
         """
-        names = ("guessed", "still", "wheel", "gyro", "object", "carried", "mount", "worktop", "searched")
+        names = ("guessed", "still", "wheel", "camera", "gyro", "object", "carried", "mount", "worktop", "searched")
         vanished = [item for item in self._vanished if item.id not in self._long_gone]
         doubled = (since.seen(self.objects, vanished) for since in self._doubled)
         step_s = float(np.median(self._steps_s)) if self._steps_s else 0.0

@@ -186,7 +186,8 @@ def _motion(run: _Run) -> Iterator[Finding]:
     """The uncertainty of the pose, and its causes."""
     record, quality = run.record, run.quality
     frames, alone = quality["frames"], str(record.get("odometry", "")).startswith("wheel:")
-    wheels = frames - quality["guessed_frames"] if alone else quality.get("wheel_frames", 0)
+    by_file = frames - quality["guessed_frames"] - quality.get("camera_frames", 0)
+    wheels = by_file if alone else quality.get("wheel_frames", 0)
     cause = CAUSES["drift"] if wheels > 0.5 * frames else CAUSES["carried" if _is_carried(run) else "wheels"]
     moving = frames - quality.get("still_frames", 0) - 1
     if (alone or quality.get("wheels", wheels > 0)) and wheels < (1.0 - SOME_SHARE) * moving:
