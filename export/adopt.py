@@ -45,10 +45,14 @@ class Tensor4:
     height: int
     width: int
 
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """(1, channels, height, width)."""
+        return 1, self.channels, self.height, self.width
+
     def value(self) -> onnx.ValueInfoProto:
         """It as an output of the graph."""
-        shape = (1, self.channels, self.height, self.width)
-        return onnx.helper.make_tensor_value_info(self.name, onnx.TensorProto.FLOAT, shape)
+        return onnx.helper.make_tensor_value_info(self.name, onnx.TensorProto.FLOAT, self.shape)
 
 
 def load_onnx(path: Path) -> ModelProto:
@@ -99,8 +103,7 @@ def find_tap(tensors: Mapping[str, Tensor4], stride: int, width: int, height: in
             break
     if not found:
         raise ExportError(f"no feature tensor of stride {stride}: none has shape (1, C, {grid[0]}, {grid[1]})")
-    widest = max(tensor.channels for tensor in found)
-    return [tensor for tensor in found if tensor.channels == widest][-1]
+    return max(reversed(found), key=lambda tensor: tensor.channels)
 
 
 def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, DetectorSpec]:
@@ -187,15 +190,11 @@ def _tap(model: ModelProto, path: Path, feature: str, spec: InputSpec) -> Featur
             raise ExportError(f"{path}: {error}") from None
     if named is None:
         raise ExportError(f"{path}: no tensor {feature!r} of static shape (1, C, H, W); {len(tensors)} others have one")
-    if (
-        spec.width % named.width
-        or spec.height % named.height
-        or spec.width // named.width != spec.height // named.height
-    ):
+    stride = spec.width // named.width
+    if (named.width * stride, named.height * stride) != (spec.width, spec.height):
         raise ExportError(
             f"{path}: tensor {feature!r} has {named.height}x{named.width} cells, no whole stride of the input"
         )
     if named.name not in {value.name for value in model.graph.output}:
         model.graph.output.append(named.value())
-    shape = (1, named.channels, named.height, named.width)
-    return FeatureSpec(name=named.name, shape=shape, stride=spec.width // named.width)
+    return FeatureSpec(name=named.name, shape=named.shape, stride=stride)

@@ -77,12 +77,11 @@ def darknet_backbone(
         about = {"file": weights.name, "sha256": sha256_file(weights), "pictures_seen": seen}
     about["float32_values"] = value_count(network)
     detector = _darknet_detector(network, feature)
-    names = list(dict.fromkeys(spec.name for spec in (*detector.heads, *detector.features)))
     return Backbone(
         name=name,
         model=backbone_to_onnx(network, detector),
         detector=detector,
-        reference=_in_torch(network, names, 255.0),
+        reference=_in_torch(network, list(detector.outputs()), 255.0),
         measured={"weights": about},
         licence=KNOWN.get(backbone, NOT_KNOWN).licence,
         sources=sources or (f"{about['file']} sha256 {about['sha256']}",),

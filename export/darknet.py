@@ -65,12 +65,13 @@ class Darknet(nn.Module):
     def stride(self, layer: int) -> int:
         """Input px per cell of a layer's output. Raises ExportError where the two axes differ."""
         _, height, width = self.shapes[layer]
-        if self.height % height or self.width % width or self.height // height != self.width // width:
+        stride = self.width // width
+        if (width * stride, height * stride) != (self.width, self.height):
             raise ExportError(
                 f"{self.name}: layer {layer} has {height}x{width} cells, "
                 f"no whole stride of a {self.width}x{self.height} input"
             )
-        return self.width // width
+        return stride
 
     def feature_layer(self, feature: str) -> int:
         """The layer of a feature name.

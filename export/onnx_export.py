@@ -39,9 +39,8 @@ def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
         if layer.norm is not None:
             layer.conv, layer.norm = fuse_conv_bn_eval(layer.conv.double(), layer.norm.double()).float(), None
     _fold_input_scale(folded, 1.0 / 255.0)
-    names = [spec.name for spec in (*detector.heads, *detector.features)]
     example = torch.zeros(1, network.channels, network.height, network.width)
-    return to_onnx(folded, [example], [detector.input.name], list(dict.fromkeys(names)), detector)
+    return to_onnx(folded, [example], [detector.input.name], list(detector.outputs()), detector)
 
 
 def head_to_onnx(head: PaperHead, record: OdometryHead) -> ModelProto:

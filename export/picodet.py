@@ -28,12 +28,9 @@ def trim(model: ModelProto) -> ModelProto:
     graph = model.graph
     makers = {name: node for node in graph.node for name in node.output}
     heads = [_convolution_before(value.name, makers) for value in graph.output[len(STRIDES) :]]
-    inferred = onnx.shape_inference.infer_shapes(model)
-    shapes = {value.name: shape_of(value) for value in inferred.graph.value_info}
+    inferred = {value.name: value for value in onnx.shape_inference.infer_shapes(model).graph.value_info}
     del graph.output[:]
-    graph.output.extend(
-        helper.make_tensor_value_info(node.output[0], onnx.TensorProto.FLOAT, shapes[node.output[0]]) for node in heads
-    )
+    graph.output.extend(inferred[node.output[0]] for node in heads)
     drop_unused(model)
     return model
 

@@ -91,7 +91,7 @@ class Training(ABC, Generic[N, S]):
         folder: Path,
         settings: S,
         network: N,
-        optimizer: Callable[[nn.Module], torch.optim.Optimizer],
+        optimizer: Callable[[list[nn.Parameter]], torch.optim.Optimizer],
         budget: int,
     ) -> None:
         torch.set_num_threads(settings.threads)
@@ -99,9 +99,9 @@ class Training(ABC, Generic[N, S]):
         self.device = self.ranks.device
         self.folder, self.settings, self.budget = folder, settings, budget
         self.network = network.to(self.device).train()
-        self.learning = [parameter for parameter in network.parameters() if parameter.requires_grad]
+        self.learning = list(network.parameters())
         self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
-        self.optimizer = optimizer(network)
+        self.optimizer = optimizer(self.learning)
         self.steps, self.trained_s = 0, 0.0
         self.rows: list[dict[str, Any]] = []
         self.sums: dict[str, float | Tensor] = {}

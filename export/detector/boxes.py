@@ -98,21 +98,24 @@ def _boxes(middle: Tensor, sides: Tensor) -> Tensor:
 
 def overlap(a: Tensor, b: Tensor) -> Tensor:
     """IoU of boxes (..., N, 4) and (..., M, 4), shape (..., N, M)."""
-    low = torch.maximum(a[..., :, None, :2], b[..., None, :, :2])
-    high = torch.minimum(a[..., :, None, 2:], b[..., None, :, 2:])
-    common = (high - low).clamp(min=0.0).prod(-1)
-    return common / (_area(a)[..., :, None] + _area(b)[..., None, :] - common).clamp(min=1e-6)
+    common, union = _shared(a[..., :, None, :], b[..., None, :, :])
+    return common / union
 
 
 def generalised_iou(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     """IoU and GIoU (Rezatofighi et al. 2019) of boxes paired one by one, (..., 4) each."""
-    low, high = torch.maximum(a[..., :2], b[..., :2]), torch.minimum(a[..., 2:], b[..., 2:])
-    common = (high - low).clamp(min=0.0).prod(-1)
-    union = (_area(a) + _area(b) - common).clamp(min=1e-6)
-    hull = (torch.maximum(a[..., 2:], b[..., 2:]) - torch.minimum(a[..., :2], b[..., :2])).prod(-1).clamp(min=1e-6)
+    common, union = _shared(a, b)
+    hull = _area(torch.minimum(a[..., :2], b[..., :2]), torch.maximum(a[..., 2:], b[..., 2:])).clamp(min=1e-6)
     iou = common / union
     return iou, iou - (hull - union) / hull
 
 
-def _area(boxes: Tensor) -> Tensor:
-    return (boxes[..., 2:] - boxes[..., :2]).clamp(min=0.0).prod(-1)
+def _shared(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
+    """Areas of intersection and union of boxes paired one by one."""
+    common = _area(torch.maximum(a[..., :2], b[..., :2]), torch.minimum(a[..., 2:], b[..., 2:]))
+    union = _area(a[..., :2], a[..., 2:]) + _area(b[..., :2], b[..., 2:]) - common
+    return common, union.clamp(min=1e-6)
+
+
+def _area(low: Tensor, high: Tensor) -> Tensor:
+    return (high - low).clamp(min=0.0).prod(-1)

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logit
+from scipy.special import expit, logit, softmax
 from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
@@ -55,9 +55,7 @@ def open_teacher(path: Path, threads: int = 1) -> Teacher:
     def shares(small: Image) -> NDArray[np.float32]:
         network.set_tensor(picture["index"], cv2.cvtColor(small, cv2.COLOR_BGR2RGB)[None])
         network.invoke()
-        found = (network.get_tensor(logits["index"])[0].astype(np.float32) - zero) * scale
-        found = np.exp(found - found.max(axis=2, keepdims=True))
-        found /= found.sum(axis=2, keepdims=True)
+        found = softmax((network.get_tensor(logits["index"])[0].astype(np.float32) - zero) * scale, axis=2)
         floor, wall = (found[..., list(group)].sum(axis=2) for group in (FLOORS, WALLS))
         return np.stack([1.0 - floor - wall, floor, wall], axis=2)
 

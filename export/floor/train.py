@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional
 
 from edgemap.evaluation.floor import FloorScore
@@ -49,7 +50,7 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
         channels = s4.channels, s8.channels, s16.channels, s32.channels
         head = start or FloorHead(channels, 0 if features.open else s16.height)
         head = head.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        super().__init__(folder, settings, head, _adam, settings.epochs)
+        super().__init__(folder, settings, head, partial(torch.optim.AdamW, weight_decay=1e-2), settings.epochs)
         self._features, self._sources, self._held_back = features, sources, held_back
         self._credits = tuple(credits)
         self._rng = np.random.default_rng(settings.seed)
@@ -108,10 +109,6 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
     def restore(self, state: dict[str, Any], path: Path) -> None:  # noqa: ARG002
         """Go on with the next batch."""
         self._rng.bit_generator.state = state["random"]
-
-
-def _adam(head: nn.Module) -> torch.optim.Optimizer:
-    return torch.optim.AdamW(head.parameters(), weight_decay=1e-2)
 
 
 def _stacked(maps: Sequence[NDArray[Any]], mirrored: NDArray[np.bool_]) -> Tensor:

@@ -73,9 +73,7 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
         length: int = 10,
         mirror: NDArray[np.float32] | None = None,
     ) -> None:
-        super().__init__(
-            folder, settings, start.head, lambda head: torch.optim.Adagrad(head.parameters()), settings.steps
-        )
+        super().__init__(folder, settings, start.head, torch.optim.Adagrad, settings.steps)
         self.start, self.train, self.validation, self.length = start, train, validation, length
         for drive in train:
             if len(drive) < length:
