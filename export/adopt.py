@@ -13,7 +13,8 @@ from google.protobuf.message import DecodeError
 from onnx import ModelProto
 
 from edgemap.export.errors import ExportError
-from edgemap.export.picodet import is_picodet, picodet_contract, shape_of, trim
+from edgemap.export.onnx_export import shape_of
+from edgemap.export.picodet import is_picodet, picodet_contract, trim
 from edgemap.runtime.frames.class_names import COCO_NAMES, is_mapped
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.network.foreign import ForeignFile, recognise

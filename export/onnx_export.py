@@ -20,7 +20,7 @@ from edgemap.export.errors import ExportError
 from edgemap.export.odometry.paper import LARGE, PaperHead, eight_bits
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network.engines import ROWS, open_network
-from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, OdometryHead, contract_metadata
+from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, InputSpec, OdometryHead, contract_metadata
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.open_bundle import keep_outputs
 
@@ -180,14 +180,18 @@ def drop_unused(model: ModelProto) -> None:
     keep_outputs(model.graph, {value.name for value in model.graph.output})
 
 
-def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
+def shape_of(value: onnx.ValueInfoProto) -> tuple[int, ...]:
+    """Shape of an input, output or tensor of a graph; 0 for a size that it leaves open."""
+    return tuple(axis.dim_value for axis in value.type.tensor_type.shape.dim)
+
+
+def free_rows(model: ModelProto, spec: InputSpec) -> ModelProto:
     """The model with a variable input height, where pictures are letterboxed and all outputs are maps.
 
     Otherwise, or where the model has a fixed size inside (YOLOX's list of boxes), the model is returned unchanged.
     """
-    height = detector.input.height
-    shapes = detector.outputs()
-    if detector.input.resize == "stretch" or any(len(shape) != 4 for shape in shapes.values()):
+    height, shapes = spec.height, {value.name: shape_of(value) for value in model.graph.output}
+    if spec.resize == "stretch" or any(len(shape) != 4 for shape in shapes.values()):
         return model
     freed = copy.deepcopy(model)
     del freed.graph.value_info[:]

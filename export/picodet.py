@@ -3,7 +3,7 @@
 import onnx
 from onnx import ModelProto, NodeProto, helper, numpy_helper, version_converter
 
-from edgemap.export.onnx_export import drop_unused
+from edgemap.export.onnx_export import drop_unused, shape_of
 from edgemap.runtime.network.foreign import IMAGENET
 from edgemap.runtime.network.layouts import BINS, STRIDES
 from edgemap.runtime.network.manifest import HeadSpec, InputSpec
@@ -79,8 +79,3 @@ def _convolution_before(name: str, makers: dict[str, NodeProto]) -> NodeProto:
     while node.op_type != "Conv":
         node = makers[node.input[0]]
     return node
-
-
-def shape_of(value: onnx.ValueInfoProto) -> tuple[int, ...]:
-    """Shape of an input, output or tensor of a graph; 0 for a size that it leaves open."""
-    return tuple(axis.dim_value for axis in value.type.tensor_type.shape.dim)

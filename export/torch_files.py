@@ -90,6 +90,11 @@ def save_whole(document: dict[str, Any], path: Path) -> None:
     part.replace(path)
 
 
+def parameter_count(network: nn.Module) -> int:
+    """Trainable numbers of a network."""
+    return sum(parameter.numel() for parameter in network.parameters())
+
+
 def finite(network: nn.Module, path: Path) -> None:
     """Raises ExportError where weights that came from `path` are not finite."""
     if not all(bool(torch.isfinite(tensor).all()) for tensor in network.state_dict().values()):

@@ -79,11 +79,6 @@ class FloorHead(nn.Module):
         x = self.last(self.detailed(torch.cat([x, self.from4(s4)], dim=1)), at8)
         return functional.pixel_shuffle(self.out(x), FINE)
 
-    @property
-    def parameters_count(self) -> int:
-        """Trainable numbers."""
-        return sum(parameter.numel() for parameter in self.parameters())
-
 
 def _twice(x: Tensor) -> Tensor:
     return functional.interpolate(x, scale_factor=2.0, mode="nearest")

@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.paper import LARGE, PARAMETER_LIMIT, PaperHead, eight_bits
-from edgemap.export.torch_files import fill, read_checkpoint, save_whole
+from edgemap.export.torch_files import fill, parameter_count, read_checkpoint, save_whole
 from edgemap.runtime.frames.reading import Name
 from edgemap.runtime.network.manifest import Deviation
 
@@ -66,7 +66,7 @@ def load_head(path: Path) -> HeadCheckpoint:
     """Reads a checkpoint. Raises ExportError where it is invalid, damaged, or exceeds the paper's parameter count."""
     record, weights = read_checkpoint(path, FORMAT, _OdometryRecord)
     head = fill(lambda: PaperHead(record.shape, record.hidden, record.dense), weights, path)
-    if head.parameters_count > PARAMETER_LIMIT:
-        raise ExportError(f"{path}: {head.parameters_count:,} parameters, the paper allows {PARAMETER_LIMIT:,}")
+    if (count := parameter_count(head)) > PARAMETER_LIMIT:
+        raise ExportError(f"{path}: {count:,} parameters, the paper allows {PARAMETER_LIMIT:,}")
     values = {item.name: getattr(record, item.name) for item in fields(HeadCheckpoint) if item.name != "head"}
     return HeadCheckpoint(head=head.eval(), **values)

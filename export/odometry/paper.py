@@ -7,6 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from edgemap.export.errors import ExportError
+from edgemap.export.torch_files import parameter_count
 
 PARAMETER_LIMIT = 2_509_555  # the paper's count of trainable parameters, section 4.3
 HIDDEN = (64, 64)  # channels of both layers
@@ -52,7 +53,7 @@ class PaperHead(nn.Module):
         inputs = [channels, *hidden[:-1]]
         self.cells = nn.ModuleList(ConvLSTMCell(i, o) for i, o in zip(inputs, hidden, strict=True))
         flat = hidden[-1] * height * width
-        self.dense = nn.Linear(flat, dense or _dense_units(flat, _count(self.cells), self.shape))
+        self.dense = nn.Linear(flat, dense or _dense_units(flat, parameter_count(self.cells), self.shape))
         self.out = nn.Linear(self.dense.out_features, 3)
         self.feature_mean: Tensor
         self.feature_std: Tensor
@@ -60,11 +61,6 @@ class PaperHead(nn.Module):
         self.register_buffer("feature_mean", torch.zeros(1, channels, 1, 1))
         self.register_buffer("feature_std", torch.ones(1, channels, 1, 1))
         self.register_buffer("motion_scale", torch.tensor([0.02, 0.01, 0.04]))
-
-    @property
-    def parameters_count(self) -> int:
-        """Trainable parameters."""
-        return _count(self)
 
     @property
     def state_shapes(self) -> dict[str, tuple[int, ...]]:
@@ -119,7 +115,3 @@ def _dense_units(flat: int, used: int, shape: tuple[int, ...]) -> int:
             f"the paper allows {PARAMETER_LIMIT:,}"
         )
     return units
-
-
-def _count(module: nn.Module) -> int:
-    return sum(parameter.numel() for parameter in module.parameters())
