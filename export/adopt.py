@@ -13,7 +13,7 @@ from google.protobuf.message import DecodeError
 from onnx import ModelProto
 
 from edgemap.export.errors import ExportError
-from edgemap.export.onnx_export import shape_of
+from edgemap.export.onnx_export import input_shapes, shape_of
 from edgemap.export.picodet import is_picodet, picodet_contract, trim
 from edgemap.runtime.frames.class_names import COCO_NAMES, is_mapped
 from edgemap.runtime.frames.reading import one_line, read_bytes
@@ -158,17 +158,13 @@ def tapped(model: ModelProto, detector: DetectorSpec, path: Path, feature: str |
 
 
 def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:
-    constants = {item.name for item in model.graph.initializer}
-    inputs = [value for value in model.graph.input if value.name not in constants]
-    shapes = {value.name: shape_of(value) for value in (*inputs, *model.graph.output)}
-    if len(inputs) != 1 or len(shapes[inputs[0].name]) != 4 or shapes[inputs[0].name][:2] != (1, 3):
-        said = {value.name: shapes[value.name] for value in inputs}
-        raise ExportError(f"{path}: expected one input (1, 3, H, W) of fixed size, found {said}")
-    _, _, height, width = shapes[inputs[0].name]
+    inputs, outputs = input_shapes(model), {value.name: shape_of(value) for value in model.graph.output}
+    if [(len(shape), shape[:2]) for shape in inputs.values()] != [(4, (1, 3))]:
+        raise ExportError(f"{path}: expected one input (1, 3, H, W) of fixed size, found {inputs}")
+    ((picture, (_, _, height, width)),) = inputs.items()
     if height < 32 or width < 32 or height % 32 or width % 32:
         raise ExportError(f"{path}: input of {width}x{height} px, expected a fixed multiple of 32")
     cells = sum((height // stride) * (width // stride) for stride in YOLOX_STRIDES)
-    outputs = {value.name: shapes[value.name] for value in model.graph.output}
     name, shape = next(iter(outputs.items()))
     if len(outputs) != 1 or len(shape) != 3 or shape[:2] != (1, cells) or shape[2] < 6:
         raise ExportError(
@@ -176,7 +172,7 @@ def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:
             "`edgemap run --bundle FILE.onnx` takes other detectors as they are"
         )
     spec = InputSpec(
-        name=inputs[0].name, width=width, height=height, resize="letterbox_topleft", colour="bgr", scale=1.0, pad=114
+        name=picture, width=width, height=height, resize="letterbox_topleft", colour="bgr", scale=1.0, pad=114
     )
     return spec, HeadSpec(name=name, shape=shape, strides=YOLOX_STRIDES), shape[2] - 5
 

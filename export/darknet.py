@@ -6,9 +6,10 @@ from pathlib import Path
 from torch import Tensor, nn
 
 from edgemap.export import darknet_layers as layers
-from edgemap.export.darknet_cfg import Section, parse_cfg, read_cfg
+from edgemap.export.darknet_cfg import Section, parse_cfg
 from edgemap.export.darknet_layers import Shape, Yolo
 from edgemap.export.errors import ExportError
+from edgemap.runtime.frames.reading import read_text
 
 FORK_KEYS = frozenset({"iou_loss", "cls_normalizer", "iou_normalizer", "scale_x_y", "nms_kind"})
 CELL_LIMIT = 1 << 26  # values of one layer
@@ -26,7 +27,7 @@ class Darknet(nn.Module):
 
     def __init__(self, cfg: Path | str, size: tuple[int, int] | None = None) -> None:
         super().__init__()
-        sections = read_cfg(cfg) if isinstance(cfg, Path) else parse_cfg(cfg)
+        sections = parse_cfg(read_text(cfg, ExportError), cfg.name) if isinstance(cfg, Path) else parse_cfg(cfg)
         net = sections[0]
         self.name = net.file
         self.channels = net.integer("channels", 3, least=1)

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TypeVar
 
 from edgemap.export.errors import ExportError
-from edgemap.runtime.frames.reading import one_line, read_text
+from edgemap.runtime.frames.reading import one_line
 
 SECTION_LIMIT = 2000
 OPTION_LENGTH = 10_000
@@ -98,11 +97,6 @@ def parse_cfg(text: str, file: str = "cfg") -> list[Section]:
     if len(sections) == 1:
         raise ExportError(f"{file}: [net] without any layer")
     return sections
-
-
-def read_cfg(path: Path) -> list[Section]:
-    """Read a cfg file. Raises ExportError where it cannot be read or parsed."""
-    return parse_cfg(read_text(path, ExportError), path.name)
 
 
 TINY_ANCHORS = "10,14, 23,27, 37,58, 81,82, 135,169, 344,319"

@@ -40,7 +40,7 @@ def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
             layer.conv, layer.norm = fuse_conv_bn_eval(layer.conv.double(), layer.norm.double()).float(), None
     _fold_input_scale(folded, 1.0 / 255.0)
     example = torch.zeros(1, network.channels, network.height, network.width)
-    return to_onnx(folded, [example], [detector.input.name], list(detector.outputs()), detector)
+    return seal(to_onnx(folded, [example], [detector.input.name], list(detector.outputs())), detector)
 
 
 def head_to_onnx(head: PaperHead, record: OdometryHead) -> ModelProto:
@@ -50,7 +50,7 @@ def head_to_onnx(head: PaperHead, record: OdometryHead) -> ModelProto:
     inputs = [record.feature_input, *(state.input for state in record.states)]
     outputs = [record.motion, *(state.output for state in record.states)]
     example = [torch.zeros(shape) for shape in shapes]
-    return seal(_in_bytes(to_onnx(head, example, inputs, outputs, record)), record)
+    return seal(_in_bytes(to_onnx(head, example, inputs, outputs)), record)
 
 
 def _in_bytes(model: ModelProto) -> ModelProto:
@@ -71,14 +71,8 @@ def _in_bytes(model: ModelProto) -> ModelProto:
     return model
 
 
-def to_onnx(
-    module: nn.Module,
-    example: Sequence[Tensor],
-    inputs: list[str],
-    outputs: list[str],
-    record: DetectorSpec | OdometryHead,
-) -> ModelProto:
-    """Trace a module at the example's shapes into a checked model that carries its contract. Raises ExportError."""
+def to_onnx(module: nn.Module, example: Sequence[Tensor], inputs: list[str], outputs: list[str]) -> ModelProto:
+    """Trace a module at the example's shapes."""
     with quiet(), torch.no_grad():
         program = torch.onnx.export(
             module.eval(),
@@ -94,7 +88,7 @@ def to_onnx(
     model.ir_version = IR_VERSION
     _forget_tracing(model)
     _fuse_pool_padding(model)
-    return seal(model, record)
+    return model
 
 
 @contextmanager
@@ -103,8 +97,7 @@ def quiet() -> Iterator[None]:
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             yield
     finally:
         logging.disable(before)
@@ -183,6 +176,12 @@ def drop_unused(model: ModelProto) -> None:
 def shape_of(value: onnx.ValueInfoProto) -> tuple[int, ...]:
     """Shape of an input, output or tensor of a graph; 0 for a size that it leaves open."""
     return tuple(axis.dim_value for axis in value.type.tensor_type.shape.dim)
+
+
+def input_shapes(model: ModelProto) -> dict[str, tuple[int, ...]]:
+    """Names and shapes of a graph's inputs; older files list the weights among them, which are none."""
+    constants = {item.name for item in model.graph.initializer}
+    return {value.name: shape_of(value) for value in model.graph.input if value.name not in constants}
 
 
 def free_rows(model: ModelProto, spec: InputSpec) -> ModelProto:

@@ -26,7 +26,7 @@ class FloorCheckpoint:
 
     head: FloorHead
     backbone: str
-    taps: tuple[str, str, str, str]
+    taps: tuple[str, ...]
     measured: dict[str, Any] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
 

@@ -47,7 +47,7 @@ class FloorHead(nn.Module):
     deep: blocks at stride 32.
     """
 
-    def __init__(self, channels: tuple[int, int, int, int], rows: int, width: int = WIDTH, deep: int = DEEP) -> None:
+    def __init__(self, channels: tuple[int, ...], rows: int, width: int = WIDTH, deep: int = DEEP) -> None:
         super().__init__()
         self.channels, self.rows, self.width = channels, rows, width
         s4, s8, s16, s32 = channels

@@ -85,12 +85,12 @@ def targets(shares: Image, placement: Placement, stride: int, shape: tuple[int, 
     """The head's targets for a picture placed in the input: shares of floor and wall (2, rows, columns) in each cell's
     labelled part, and that part's share of the cell (rows, columns), 0 in the padding.
     """
-    where = placement
     planes = shares.astype(np.float32) / 255.0
     planes[..., 0] = planes.sum(axis=2)  # what is labelled
     placed = np.zeros((shape[0] * stride, shape[1] * stride, 3), dtype=np.float32)
-    small = cv2.resize(planes, (where.width, where.height), interpolation=cv2.INTER_AREA)
-    placed[where.top : where.top + where.height, where.left : where.left + where.width] = small
+    small = cv2.resize(planes, (placement.width, placement.height), interpolation=cv2.INTER_AREA)
+    top, left = placement.top, placement.left
+    placed[top : top + placement.height, left : left + placement.width] = small
     cells = cv2.resize(placed, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
     share = np.minimum(cells[..., 0], 1.0)
     parts = np.moveaxis(cells[..., 1:] / np.maximum(share, 1e-6)[..., None], 2, 0)

@@ -46,9 +46,8 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
         credits: Sequence[str] = (),
     ) -> None:
         torch.manual_seed(settings.seed)
-        s4, s8, s16, s32 = features.taps
-        channels = s4.channels, s8.channels, s16.channels, s32.channels
-        head = start or FloorHead(channels, 0 if features.open else s16.height)
+        channels = tuple(tap.channels for tap in features.taps)
+        head = start or FloorHead(channels, 0 if features.open else features.taps[2].height)
         head = head.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         super().__init__(folder, settings, head, partial(torch.optim.AdamW, weight_decay=1e-2), settings.epochs)
         self._features, self._sources, self._held_back = features, sources, held_back
@@ -97,8 +96,7 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
         row["iou"] = round(float(np.mean([figures["iou"] or 0.0 for figures in rows.values()])), 4)
         if self.enter(row):
             measured = {"validation": rows, "settings": asdict(self.settings), "steps": self.steps}
-            s4, s8, s16, s32 = self._features.taps
-            names = s4.name, s8.name, s16.name, s32.name
+            names = tuple(tap.name for tap in self._features.taps)
             checkpoint = FloorCheckpoint(head, self._features.backbone, names, measured, self._credits)
             save_floor(checkpoint, self.folder / "best.pt")
 
