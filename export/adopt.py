@@ -121,11 +121,11 @@ def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, DetectorS
         spec, heads, classes = picodet_contract(model)
         decode: Literal["yolox", "dfl", "reading"] = "dfl"
     else:
-        spec, head, classes = _yolox(model, path)
-        heads, decode = (head,), "yolox"
+        spec, heads, classes = _yolox(model, path)
+        decode = "yolox"
         file, names = ForeignFile(path, Compute()), [entry.name for entry in class_entries(classes)]
         black = np.zeros((1, 3, spec.height, spec.width), np.float32)
-        if np.abs(file.run(black)[head.name][..., 2:4]).max() > LOGARITHMS:
+        if np.abs(file.run(black)[heads[0].name][..., 2:4]).max() > LOGARITHMS:
             best = recognise(file, names)
             spec, reading, decode = best.input, best.reading, "reading"
     detector = DetectorSpec(
@@ -157,7 +157,7 @@ def tapped(model: ModelProto, detector: DetectorSpec, path: Path, feature: str |
     return msgspec.structs.replace(detector, features=() if spec is None else (spec,))
 
 
-def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:
+def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, tuple[HeadSpec, ...], int]:
     inputs, outputs = input_shapes(model), {value.name: shape_of(value) for value in model.graph.output}
     if [(len(shape), shape[:2]) for shape in inputs.values()] != [(4, (1, 3))]:
         raise ExportError(f"{path}: expected one input (1, 3, H, W) of fixed size, found {inputs}")
@@ -174,7 +174,7 @@ def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:
     spec = InputSpec(
         name=picture, width=width, height=height, resize="letterbox_topleft", colour="bgr", scale=1.0, pad=114
     )
-    return spec, HeadSpec(name=name, shape=shape, strides=YOLOX_STRIDES), shape[2] - 5
+    return spec, (HeadSpec(name=name, shape=shape, strides=YOLOX_STRIDES),), shape[2] - 5
 
 
 def _tap(model: ModelProto, path: Path, feature: str, spec: InputSpec) -> FeatureSpec:

@@ -126,8 +126,11 @@ def _darknet_detector(network: Darknet, feature: str | None) -> DetectorSpec:
     names = {head.layer: f"head_stride{network.stride(head.layer)}" for head in network.heads}
     if len(set(names.values())) != len(names):
         names = {layer: f"{name}_layer{layer}" for layer, name in names.items()}
-    layers = () if feature is None else (network.feature_layer(feature),)
-    names |= {layer: f"feature_layer{layer}" for layer in layers if layer not in names}
+    features: tuple[FeatureSpec, ...] = ()
+    if feature is not None:
+        layer = network.feature_layer(feature)
+        name = names.setdefault(layer, f"feature_layer{layer}")
+        features = (FeatureSpec(name=name, shape=(1, *network.shapes[layer]), stride=network.stride(layer)),)
     network.outputs = tuple(names)
     heads = tuple(
         HeadSpec(
@@ -138,10 +141,6 @@ def _darknet_detector(network: Darknet, feature: str | None) -> DetectorSpec:
             scale_xy=head.scale_xy,
         )
         for head in network.heads
-    )
-    features = tuple(
-        FeatureSpec(name=names[layer], shape=(1, *network.shapes[layer]), stride=network.stride(layer))
-        for layer in layers
     )
     return DetectorSpec(
         file="backbone.onnx",

@@ -114,7 +114,7 @@ class Darknet(nn.Module):
         return known[section.kind](section, shape, index - 1)
 
     def _sources(self, section: Section, key: str, index: int) -> list[int]:
-        sources = [number if number >= 0 else index + number for number in section.integers(key)]
+        sources = [number if number >= 0 else index + number for number in section.numbers(key, int)]
         if not sources or any(not 0 <= source < index for source in sources):
             raise ExportError(
                 f"{section.where} {key}={section.text(key)}: this is layer {index}, sources are 0 to {index - 1}"
@@ -148,11 +148,11 @@ class Darknet(nn.Module):
         return layers.Layer([before, *sources], added), shape
 
     def _yolo(self, section: Section, shape: Shape, before: int) -> tuple[layers.Layer, Shape]:
-        flat, classes = section.numbers("anchors"), section.integer("classes", 20, least=1)
+        flat, classes = section.numbers("anchors", float), section.integer("classes", 20, least=1)
         if len(flat) % 2:
             raise ExportError(f"{section.where} anchors= holds {len(flat)} numbers, not pairs")
         pairs = list(zip(flat[0::2], flat[1::2], strict=True))
-        mask = section.integers("mask") if "mask" in section.options else tuple(range(len(pairs)))
+        mask = section.numbers("mask", int) if "mask" in section.options else tuple(range(len(pairs)))
         if any(not 0 <= number < len(pairs) for number in mask):
             raise ExportError(f"{section.where} mask={section.text('mask')} points outside of {len(pairs)} anchors")
         expected = len(mask) * (classes + 5)

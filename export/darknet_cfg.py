@@ -48,16 +48,10 @@ class Section:
         """An option as a real number. Raises ExportError."""
         return self._read(key, [self.text(key)], float, "a number")[0] if key in self.options else default
 
-    def integers(self, key: str) -> tuple[int, ...]:
-        """A comma-separated option as whole numbers. Raises ExportError."""
-        return self._read(key, self._parts(key), int, "a list of whole numbers")
-
-    def numbers(self, key: str) -> tuple[float, ...]:
-        """A comma-separated option as real numbers. Raises ExportError."""
-        return self._read(key, self._parts(key), float, "a list of numbers")
-
-    def _parts(self, key: str) -> list[str]:
-        return [part for part in self.text(key).split(",") if part.strip()]
+    def numbers(self, key: str, read: Callable[[str], Value]) -> tuple[Value, ...]:
+        """A comma-separated option as whole (`int`) or real (`float`) numbers. Raises ExportError."""
+        parts = [part for part in self.text(key).split(",") if part.strip()]
+        return self._read(key, parts, read, "a list of whole numbers" if read is int else "a list of numbers")
 
     def _read(self, key: str, parts: list[str], read: Callable[[str], Value], what: str) -> tuple[Value, ...]:
         try:

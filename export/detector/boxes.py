@@ -66,8 +66,9 @@ def _yolox(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:
 
 def _dfl(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:
     """Logits (B, C+32, H, W): classes, then eight bins of each of left, top, right, bottom."""
-    del size  # 416 px are 7 cells of stride 64
-    centres, strides = _cells(output.shape[2:], float(head.strides[0]), float(head.strides[0]), output.device)
+    height, width = output.shape[2:]
+    size = height * head.strides[0], width * head.strides[0]  # 416 px are 7 cells of stride 64
+    centres, strides = _grid((height, width), size, output.device)
     rows = output.flatten(2).transpose(1, 2)
     classes = rows.shape[-1] - 4 * BINS
     bins = rows[..., classes:].unflatten(-1, (4, BINS))
@@ -77,11 +78,8 @@ def _dfl(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:
 
 
 def _grid(cells: Sequence[int], size: tuple[int, int], device: torch.device) -> tuple[Tensor, Tensor]:
-    return _cells(cells, size[0] / cells[0], size[1] / cells[1], device)
-
-
-def _cells(cells: Sequence[int], high: float, wide: float, device: torch.device) -> tuple[Tensor, Tensor]:
-    """Centres (H*W, 2) of cells of that height and width, px, row by row, and their stride (H*W,)."""
+    """Centres (H*W, 2) of the cells of a picture of that (height, width), px, row by row, and their stride (H*W,)."""
+    high, wide = size[0] / cells[0], size[1] / cells[1]
     rows, columns = (torch.arange(count, dtype=torch.float32, device=device) + 0.5 for count in cells)
     grid = torch.stack(torch.meshgrid(columns * wide, rows * high, indexing="xy"), dim=-1).reshape(-1, 2)
     return grid, torch.full((len(grid),), wide, device=device)

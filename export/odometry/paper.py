@@ -86,17 +86,14 @@ def random_head(shape: Sequence[int], seed: int = 0) -> PaperHead:
     """An untrained head whose weights follow from the seed alone."""
     head = PaperHead(shape)
     generator = torch.Generator().manual_seed(seed)
-    with torch.no_grad():
-        for module in head.modules():
-            if isinstance(module, (nn.Conv2d, nn.Linear)):
-                assert module.bias is not None
-                bound = module.weight[0].numel() ** -0.5
-                module.weight.uniform_(-bound, bound, generator=generator)
-                module.bias.zero_()
-        for cell in head.cells:
-            assert isinstance(cell, ConvLSTMCell)
-            assert cell.gates.bias is not None
-            cell.gates.bias[cell.hidden : 2 * cell.hidden] = 1.0
+    for name, tensor in head.state_dict().items():  # which shares the head's memory
+        if name.endswith(".weight"):
+            bound = tensor[0].numel() ** -0.5
+            tensor.uniform_(-bound, bound, generator=generator)
+        elif name.endswith(".bias"):
+            tensor.zero_()
+        if name.endswith(".gates.bias"):
+            tensor.chunk(4)[1].fill_(1.0)  # the forget gate's
     return head
 
 

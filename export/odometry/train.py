@@ -79,7 +79,7 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
             if len(drive) < length:
                 raise ExportError(f"{drive.name}: {len(drive)} frames, sequences need {length}")
         self._motions, self._mirror = [drive.motions for drive in train], mirror
-        self._starts = np.cumsum([len(drive) - length + 1 for drive in train])
+        self._clips = [(index, first) for index, drive in enumerate(train) for first in range(len(drive) - length + 1)]
 
     def take_steps(self) -> Iterator[None]:
         """Train step by step: draw clips, compute the loss, descend. Seed and step number determine the clips."""
@@ -95,9 +95,7 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
     def _batch(self, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         """Features (B, T, C, H, W) and motions (B, T - 1, 3) of random clips, each as likely as any other."""
         features, motions = [], []
-        for place in rng.integers(self._starts[-1], size=self.settings.batch):
-            index = int(np.searchsorted(self._starts, place, side="right"))
-            first = int(place - (self._starts[index - 1] if index else 0))
+        for index, first in (self._clips[at] for at in rng.integers(len(self._clips), size=self.settings.batch)):
             clip = self.train[index].features[first : first + self.length].astype(np.float32)
             motion = self._motions[index][first : first + self.length - 1]
             if self._mirror is not None and rng.random() < 0.5:
