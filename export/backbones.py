@@ -47,8 +47,14 @@ class Backbone:
     exact: bool = False
 
 
-def _manifest(name: str, detector: DetectorSpec, **about: Any) -> Manifest:
-    return Manifest(format=FORMAT, name=name, version=__version__, detector=detector, sha256={}, **about)
+def _manifest(
+    name: str, detector: DetectorSpec, like: Manifest | KnownModel, measured: dict[str, Any], sources: tuple[str, ...]
+) -> Manifest:
+    """Of a backbone alone. like: has its licence and its scores."""
+    return Manifest(
+        format=FORMAT, name=name, version=__version__, detector=detector, sha256={}, measured=measured,
+        licence=like.licence, confidence=like.confidence, sure_confidence=like.sure_confidence, sources=sources,
+    )  # fmt: skip
 
 
 def darknet_backbone(
@@ -78,8 +84,7 @@ def darknet_backbone(
     about["float32_values"] = value_count(network)
     detector = _darknet_detector(network, feature)
     sources = sources or (f"{about['file']} sha256 {about['sha256']}",)
-    licence = KNOWN.get(backbone, NOT_KNOWN).licence
-    manifest = _manifest(name, detector, measured={"weights": about}, licence=licence, sources=sources)
+    manifest = _manifest(name, detector, KNOWN.get(backbone, NOT_KNOWN), {"weights": about}, sources)
     reference = _in_torch(network, list(detector.outputs()), 255.0)
     return Backbone(backbone_to_onnx(network, detector), manifest, reference)
 
@@ -89,12 +94,8 @@ def trained_backbone(name: str, feature: str | None) -> Backbone:
     model, start = load_detector(name)
     detector = tapped(model, start.detector, Path(name), feature)
     graph = Graph(model)
-    manifest = _manifest(
-        start.name,
-        detector,
-        measured=start.measured | {"weights": {"parameters": parameter_count(graph)}},
-        **{field: getattr(start, field) for field in ("licence", "sources", "confidence", "sure_confidence")},
-    )
+    measured = start.measured | {"weights": {"parameters": parameter_count(graph)}}
+    manifest = _manifest(start.name, detector, start, measured, start.sources)
     return Backbone(model, manifest, _in_torch(graph, graph.outputs))
 
 
@@ -173,13 +174,7 @@ def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, s
         tensors = static_tensors(whole := load_onnx(path))
         source = only_outputs(whole, [tensors[head.name] for head in detector.heads]).SerializeToString()
     original = open_network(source, Compute(2, spin=True))
-    manifest = _manifest(
-        name,
-        detector,
-        measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},
-        licence=entry.licence,
-        sources=sources or (f"{path.name} sha256 {sha256_file(path)}",),
-        confidence=entry.confidence,
-        sure_confidence=entry.sure_confidence,
-    )
+    about = {"file": path.name, "sha256": sha256_file(path)}
+    sources = sources or (f"{about['file']} sha256 {about['sha256']}",)
+    manifest = _manifest(name, detector, entry, {"weights": about}, sources)
     return Backbone(model, manifest, lambda picture: original.run({detector.input.name: picture}), exact)

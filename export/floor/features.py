@@ -52,7 +52,5 @@ class Features:
 
 
 def _filled(part: Float, tap: Tensor4, above: float) -> Float:
-    whole = np.zeros(tap.shape, np.float32)
     first = round(above * tap.height)
-    whole[:, :, first : first + part.shape[2]] = part
-    return whole
+    return np.pad(part, ((0, 0), (0, 0), (first, tap.height - first - part.shape[2]), (0, 0)))

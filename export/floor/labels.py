@@ -11,14 +11,13 @@ from scipy.special import expit, logit, softmax
 from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
+from edgemap.export.floor.pictures import Image, Pair
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.truth import floor_pairs, paired
 
-Image = NDArray[np.uint8]
-Pair = tuple[Path, Path]
 Teacher = Callable[[Image], Image]
 FLOORS = (4, 29)  # of the teacher's 32 classes: floor, rug
 WALLS = (1, 15)  # wall, door

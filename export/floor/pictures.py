@@ -16,6 +16,7 @@ from edgemap.runtime.inputs.drives.truth import FloorLabel, read_floor_labels
 from edgemap.runtime.network.preprocess import Placement
 
 Image = NDArray[np.uint8]
+Pair = tuple[Path, Path]  # a picture and its labels
 Float = NDArray[np.float32]
 SMALLEST = 0.3  # side of a crop, of the picture's: small enough that the lowest rows often show no floor
 ASPECT = (0.8, 1.25)
@@ -26,7 +27,7 @@ WHOLE = 0.15  # share of pictures that are not cut
 TINTED, SUNLIT, RUGGED, WET, LITTERED = 0.5, 0.2, 0.2, 0.15, 0.2  # shares of those whose floor is changed so
 
 
-def load(pair: tuple[Path, Path]) -> tuple[Image, Image]:
+def load(pair: Pair) -> tuple[Image, Image]:
     """A picture and its shares, at most KEPT_PX long. Raises CameraError."""
     image = read_picture(pair[0])
     height, width = image.shape[:2]

@@ -13,11 +13,11 @@ from torch import Tensor
 from torch.nn import functional
 
 from edgemap.evaluation.floor import FloorScore
-from edgemap.export.floor.cache import FULL, STRIDE, Pair, Records
+from edgemap.export.floor.cache import FULL, STRIDE, Records
 from edgemap.export.floor.checkpoint import FloorCheckpoint, save_floor
 from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import LABELS, STRIDES, FloorHead
-from edgemap.export.floor.pictures import load, named
+from edgemap.export.floor.pictures import Pair, load, named
 from edgemap.export.settings import FloorSettings
 from edgemap.export.training import Training, rate_at
 from edgemap.runtime.network.manifest import FloorSpec
@@ -126,11 +126,9 @@ def floor_loss(logits: Tensor, truth: Tensor, labelled: Tensor) -> tuple[Tensor,
     entropy = (entropy * weight).sum((0, 2, 3)) / weight.sum().clamp(min=1.0)
     predicted = logits[:, :1].sigmoid() * labelled[:, None]
     both = (predicted * floor).sum((1, 2, 3))
-    dice = (
-        1.0
-        - ((2.0 * both + 1.0) / (predicted.sum((1, 2, 3)) + (floor * labelled[:, None]).sum((1, 2, 3)) + 1.0)).mean()
-    )
-    loss = entropy[0] + 0.5 * entropy[1] + DICE * dice
+    either = predicted.sum((1, 2, 3)) + (floor * labelled[:, None]).sum((1, 2, 3))
+    dice = ((2.0 * both + 1.0) / (either + 1.0)).mean()
+    loss = entropy[0] + 0.5 * entropy[1] + DICE * (1.0 - dice)
     return loss, {"loss": loss.detach(), "floor": entropy[0].detach(), "wall": entropy[1].detach()}
 
 

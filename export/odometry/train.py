@@ -1,7 +1,7 @@
 """Trains the paper's head by its section 4.3 on cached features: clips, equation 2, validation on complete drives."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -113,8 +113,8 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
             sigma = found["rmse_forward_m"], found["rmse_left_m"], found["rmse_yaw_rad"]
             training = {"drives": len(self.train), "settings": asdict(self.settings), **self.rows[-1]}
             measured = {"training": training, "validation": found | {"drives": len(self.validation)}}
-            kept = self.start.backbone, self.start.feature, True, sigma, measured, self.length - 1
-            save_head(HeadCheckpoint(head.cpu(), *kept), self.folder / "best.pt")
+            best = replace(self.start, head=head.cpu(), sigma=sigma, measured=measured, window=self.length - 1)
+            save_head(best, self.folder / "best.pt")
 
     def state(self) -> dict[str, Any]:
         """The backbone."""
