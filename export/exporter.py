@@ -83,9 +83,9 @@ def export_backbone(
             manifest.sha256[name] = sha256_file(stage / name)
         write_manifest(stage, manifest)
         manifest.parity = parity.prove(load_bundle(stage), part.reference, checkpoint and checkpoint.head, part.exact)
-        write_manifest(stage, manifest)
         if calibration is not None:
-            add_int8(stage, calibration)
+            add_int8(stage, manifest, calibration)
+        write_manifest(stage, manifest)
         load_bundle(stage)
     return out
 

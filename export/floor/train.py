@@ -75,10 +75,8 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
     def _batch(self) -> tuple[list[Tensor], Tensor, Tensor, Tensor]:
         """Features, which of their rows are computed, shares and what is known of them, mirrored or not, with noise on
         the features' channels."""
-        chosen = []
-        for source in self._rng.choice(len(self._sources), self.settings.batch, p=self._shares):
-            records = self._sources[source]
-            chosen.append(records[int(self._rng.integers(len(records)))])
+        drawn = [self._sources[at] for at in self._rng.choice(len(self._sources), self.settings.batch, p=self._shares)]
+        chosen = [records[int(self._rng.integers(len(records)))] for records in drawn]
         mirrored = self._rng.random(len(chosen)) < 0.5
         maps = [_stacked([kept[f"s{level}"] for kept in chosen], mirrored) for level in range(len(STRIDES))]
         noisy = [one.mul_(1.0 + NOISE * torch.randn(*one.shape[:2], 1, 1)) for one in maps]

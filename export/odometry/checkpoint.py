@@ -49,10 +49,7 @@ class _OdometryRecord(msgspec.Struct):
 
 def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
     """Write a checkpoint: plain values and tensors, whose weights are rounded to 8 bits."""
-    head = checkpoint.head
-    document: dict[str, Any] = {
-        item.name: getattr(checkpoint, item.name) for item in fields(checkpoint) if item.name != "head"
-    }
+    head, document = checkpoint.head, {name: value for name, value in vars(checkpoint).items() if name != "head"}
     document |= {"format": FORMAT, "shape": list(head.shape), "hidden": list(head.hidden)}
     weights = head.state_dict()
     for name, tensor in weights.items():
