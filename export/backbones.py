@@ -52,9 +52,17 @@ def _manifest(
 ) -> Manifest:
     """Of a backbone alone. like: has its licence and its scores."""
     return Manifest(
-        format=FORMAT, name=name, version=__version__, detector=detector, sha256={}, measured=measured,
-        licence=like.licence, confidence=like.confidence, sure_confidence=like.sure_confidence, sources=sources,
-    )  # fmt: skip
+        format=FORMAT,
+        name=name,
+        version=__version__,
+        detector=detector,
+        sha256={},
+        confidence=like.confidence,
+        sure_confidence=like.sure_confidence,
+        measured=measured,
+        licence=like.licence,
+        sources=sources,
+    )
 
 
 def darknet_backbone(

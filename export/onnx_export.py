@@ -46,10 +46,9 @@ def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
 def head_to_onnx(head: PaperHead, record: OdometryHead) -> ModelProto:
     """One step of a head. Inputs: feature and states; outputs: motion and states. Weights of 8 bits are stored as
     such."""
-    shapes = [head.shape, *(state.shape for state in record.states)]
     inputs = [record.feature_input, *(state.input for state in record.states)]
     outputs = [record.motion, *(state.output for state in record.states)]
-    example = [torch.zeros(shape) for shape in shapes]
+    example = [torch.zeros(shape) for shape in (head.shape, *(state.shape for state in record.states))]
     return seal(_in_bytes(to_onnx(head, example, inputs, outputs)), record)
 
 
