@@ -60,17 +60,18 @@ def command(
     from edgemap.export.exporter import is_onnx, open_backbone
     from edgemap.export.odometry.data import FeatureStore
     from edgemap.export.odometry.train import HeadTraining, begin
+    from edgemap.export.torch_files import parameter_count
     from edgemap.runtime.network.store import cache_folder
 
     feature = feature or ("stride32" if is_onnx(backbone) else "head")
     part = open_backbone(backbone, weights, feature)
     store = FeatureStore(part, cache or cache_folder() / "features", settings.threads)
-    print(f"features {feature} {store.shape} of {part.name} in {store.folder}", flush=True)
+    print(f"features {feature} {store.shape} of {part.manifest.name} in {store.folder}", flush=True)
     train = store.load(data, first, frames)
     held_back = store.load(validation, validation_first, validation_frames)
     print(f"{sum(map(len, train))} frames of {len(data)} drives to train on, {sum(map(len, held_back))} to validate on")
     begun = begin(store, train, backbone, feature, settings.seed, start)
-    print(f"paper head: {begun.head.parameters_count:,} parameters", flush=True)
+    print(f"paper head: {parameter_count(begun.head):,} parameters", flush=True)
     trainer = HeadTraining(begun, train, held_back, output, settings, length, store.mirror)
     if resume:
         trainer.resume()

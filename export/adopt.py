@@ -13,7 +13,8 @@ from google.protobuf.message import DecodeError
 from onnx import ModelProto
 
 from edgemap.export.errors import ExportError
-from edgemap.export.picodet import is_picodet, picodet_contract, shape_of, trim
+from edgemap.export.onnx_export import input_shapes, shape_of
+from edgemap.export.picodet import is_picodet, picodet_contract, trim
 from edgemap.runtime.frames.class_names import COCO_NAMES, is_mapped
 from edgemap.runtime.frames.reading import one_line, read_bytes
 from edgemap.runtime.network.foreign import ForeignFile, recognise
@@ -45,10 +46,14 @@ class Tensor4:
     height: int
     width: int
 
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """(1, channels, height, width)."""
+        return 1, self.channels, self.height, self.width
+
     def value(self) -> onnx.ValueInfoProto:
         """It as an output of the graph."""
-        shape = (1, self.channels, self.height, self.width)
-        return onnx.helper.make_tensor_value_info(self.name, onnx.TensorProto.FLOAT, shape)
+        return onnx.helper.make_tensor_value_info(self.name, onnx.TensorProto.FLOAT, self.shape)
 
 
 def load_onnx(path: Path) -> ModelProto:
@@ -99,8 +104,7 @@ def find_tap(tensors: Mapping[str, Tensor4], stride: int, width: int, height: in
             break
     if not found:
         raise ExportError(f"no feature tensor of stride {stride}: none has shape (1, C, {grid[0]}, {grid[1]})")
-    widest = max(tensor.channels for tensor in found)
-    return [tensor for tensor in found if tensor.channels == widest][-1]
+    return max(reversed(found), key=lambda tensor: tensor.channels)
 
 
 def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, DetectorSpec]:
@@ -117,11 +121,11 @@ def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, DetectorS
         spec, heads, classes = picodet_contract(model)
         decode: Literal["yolox", "dfl", "reading"] = "dfl"
     else:
-        spec, head, classes = _yolox(model, path)
-        heads, decode = (head,), "yolox"
+        spec, heads, classes = _yolox(model, path)
+        decode = "yolox"
         file, names = ForeignFile(path, Compute()), [entry.name for entry in class_entries(classes)]
         black = np.zeros((1, 3, spec.height, spec.width), np.float32)
-        if np.abs(file.run(black)[head.name][..., 2:4]).max() > LOGARITHMS:
+        if np.abs(file.run(black)[heads[0].name][..., 2:4]).max() > LOGARITHMS:
             best = recognise(file, names)
             spec, reading, decode = best.input, best.reading, "reading"
     detector = DetectorSpec(
@@ -153,18 +157,14 @@ def tapped(model: ModelProto, detector: DetectorSpec, path: Path, feature: str |
     return msgspec.structs.replace(detector, features=() if spec is None else (spec,))
 
 
-def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:
-    constants = {item.name for item in model.graph.initializer}
-    inputs = [value for value in model.graph.input if value.name not in constants]
-    shapes = {value.name: shape_of(value) for value in (*inputs, *model.graph.output)}
-    if len(inputs) != 1 or len(shapes[inputs[0].name]) != 4 or shapes[inputs[0].name][:2] != (1, 3):
-        said = {value.name: shapes[value.name] for value in inputs}
-        raise ExportError(f"{path}: expected one input (1, 3, H, W) of fixed size, found {said}")
-    _, _, height, width = shapes[inputs[0].name]
+def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, tuple[HeadSpec, ...], int]:
+    inputs, outputs = input_shapes(model), {value.name: shape_of(value) for value in model.graph.output}
+    if [(len(shape), shape[:2]) for shape in inputs.values()] != [(4, (1, 3))]:
+        raise ExportError(f"{path}: expected one input (1, 3, H, W) of fixed size, found {inputs}")
+    ((picture, (_, _, height, width)),) = inputs.items()
     if height < 32 or width < 32 or height % 32 or width % 32:
         raise ExportError(f"{path}: input of {width}x{height} px, expected a fixed multiple of 32")
     cells = sum((height // stride) * (width // stride) for stride in YOLOX_STRIDES)
-    outputs = {value.name: shapes[value.name] for value in model.graph.output}
     name, shape = next(iter(outputs.items()))
     if len(outputs) != 1 or len(shape) != 3 or shape[:2] != (1, cells) or shape[2] < 6:
         raise ExportError(
@@ -172,9 +172,9 @@ def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:
             "`edgemap run --bundle FILE.onnx` takes other detectors as they are"
         )
     spec = InputSpec(
-        name=inputs[0].name, width=width, height=height, resize="letterbox_topleft", colour="bgr", scale=1.0, pad=114
+        name=picture, width=width, height=height, resize="letterbox_topleft", colour="bgr", scale=1.0, pad=114
     )
-    return spec, HeadSpec(name=name, shape=shape, strides=YOLOX_STRIDES), shape[2] - 5
+    return spec, (HeadSpec(name=name, shape=shape, strides=YOLOX_STRIDES),), shape[2] - 5
 
 
 def _tap(model: ModelProto, path: Path, feature: str, spec: InputSpec) -> FeatureSpec:
@@ -187,15 +187,11 @@ def _tap(model: ModelProto, path: Path, feature: str, spec: InputSpec) -> Featur
             raise ExportError(f"{path}: {error}") from None
     if named is None:
         raise ExportError(f"{path}: no tensor {feature!r} of static shape (1, C, H, W); {len(tensors)} others have one")
-    if (
-        spec.width % named.width
-        or spec.height % named.height
-        or spec.width // named.width != spec.height // named.height
-    ):
+    stride = spec.width // named.width
+    if (named.width * stride, named.height * stride) != (spec.width, spec.height):
         raise ExportError(
             f"{path}: tensor {feature!r} has {named.height}x{named.width} cells, no whole stride of the input"
         )
     if named.name not in {value.name for value in model.graph.output}:
         model.graph.output.append(named.value())
-    shape = (1, named.channels, named.height, named.width)
-    return FeatureSpec(name=named.name, shape=shape, stride=spec.width // named.width)
+    return FeatureSpec(name=named.name, shape=named.shape, stride=stride)

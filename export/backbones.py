@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 from onnx import ModelProto
 
+from edgemap import __version__
 from edgemap.export import parity
 from edgemap.export.adopt import adopt, class_entries, load_onnx, only_outputs, static_tensors, tapped
 from edgemap.export.darknet import Darknet
@@ -21,9 +22,10 @@ from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
 from edgemap.export.sources import KNOWN, KnownModel
+from edgemap.export.torch_files import parameter_count
 from edgemap.runtime.network.engines import open_network
-from edgemap.runtime.network.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec
-from edgemap.runtime.network.manifest_file import sha256_file
+from edgemap.runtime.network.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec, Manifest
+from edgemap.runtime.network.manifest_file import FORMAT, sha256_file
 from edgemap.runtime.network.network import Compute, Tensors
 
 DARKNET = {"yolov3": yolov3, "yolov3-tiny": yolov3_tiny}
@@ -35,20 +37,32 @@ DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5
 
 @dataclass
 class Backbone:
-    """A detector ready to be bundled, with one feature of its own at most. confidence, sure_confidence: as in the
-    manifest, what maps best.
+    """A detector ready to be bundled, with one feature of its own at most. manifest: of its bundle, before files and
+    heads are added. reference: what the model must compute; exact: bit for bit.
     """
 
-    name: str
     model: ModelProto
-    detector: DetectorSpec
+    manifest: Manifest
     reference: parity.Reference
-    measured: dict[str, Any]
-    licence: str
-    sources: tuple[str, ...]
     exact: bool = False
-    confidence: float = 0.3
-    sure_confidence: float = 0.0
+
+
+def _manifest(
+    name: str, detector: DetectorSpec, like: Manifest | KnownModel, measured: dict[str, Any], sources: tuple[str, ...]
+) -> Manifest:
+    """Of a backbone alone. like: has its licence and its scores."""
+    return Manifest(
+        format=FORMAT,
+        name=name,
+        version=__version__,
+        detector=detector,
+        sha256={},
+        confidence=like.confidence,
+        sure_confidence=like.sure_confidence,
+        measured=measured,
+        licence=like.licence,
+        sources=sources,
+    )
 
 
 def darknet_backbone(
@@ -77,35 +91,20 @@ def darknet_backbone(
         about = {"file": weights.name, "sha256": sha256_file(weights), "pictures_seen": seen}
     about["float32_values"] = value_count(network)
     detector = _darknet_detector(network, feature)
-    names = list(dict.fromkeys(spec.name for spec in (*detector.heads, *detector.features)))
-    return Backbone(
-        name=name,
-        model=backbone_to_onnx(network, detector),
-        detector=detector,
-        reference=_in_torch(network, names, 255.0),
-        measured={"weights": about},
-        licence=KNOWN.get(backbone, NOT_KNOWN).licence,
-        sources=sources or (f"{about['file']} sha256 {about['sha256']}",),
-    )
+    sources = sources or (f"{about['file']} sha256 {about['sha256']}",)
+    manifest = _manifest(name, detector, KNOWN.get(backbone, NOT_KNOWN), {"weights": about}, sources)
+    reference = _in_torch(network, list(detector.outputs()), 255.0)
+    return Backbone(backbone_to_onnx(network, detector), manifest, reference)
 
 
 def trained_backbone(name: str, feature: str | None) -> Backbone:
     """A detector's best.pt, or our own bundle by name, with a feature tapped. Raises ExportError or BundleError."""
-    model, manifest = load_detector(name)
-    detector = tapped(model, manifest.detector, Path(name), feature)
+    model, start = load_detector(name)
+    detector = tapped(model, start.detector, Path(name), feature)
     graph = Graph(model)
-    parameters = sum(parameter.numel() for parameter in graph.parameters())
-    return Backbone(
-        name=manifest.name,
-        model=model,
-        detector=detector,
-        reference=_in_torch(graph, graph.outputs),
-        measured=manifest.measured | {"weights": {"parameters": parameters}},
-        licence=manifest.licence,
-        sources=manifest.sources,
-        confidence=manifest.confidence,
-        sure_confidence=manifest.sure_confidence,
-    )
+    measured = start.measured | {"weights": {"parameters": parameter_count(graph)}}
+    manifest = _manifest(start.name, detector, start, measured, start.sources)
+    return Backbone(model, manifest, _in_torch(graph, graph.outputs))
 
 
 def _in_torch(network: torch.nn.Module, names: Sequence[str], divisor: float = 1.0) -> parity.Reference:
@@ -136,9 +135,11 @@ def _darknet_detector(network: Darknet, feature: str | None) -> DetectorSpec:
     names = {head.layer: f"head_stride{network.stride(head.layer)}" for head in network.heads}
     if len(set(names.values())) != len(names):
         names = {layer: f"{name}_layer{layer}" for layer, name in names.items()}
-    layers = () if feature is None else (network.feature_layer(feature),)
-    for layer in layers:
-        names.setdefault(layer, f"feature_layer{layer}")
+    features: tuple[FeatureSpec, ...] = ()
+    if feature is not None:
+        layer = network.feature_layer(feature)
+        name = names.setdefault(layer, f"feature_layer{layer}")
+        features = (FeatureSpec(name=name, shape=(1, *network.shapes[layer]), stride=network.stride(layer)),)
     network.outputs = tuple(names)
     heads = tuple(
         HeadSpec(
@@ -149,10 +150,6 @@ def _darknet_detector(network: Darknet, feature: str | None) -> DetectorSpec:
             scale_xy=head.scale_xy,
         )
         for head in network.heads
-    )
-    features = tuple(
-        FeatureSpec(name=names[layer], shape=(1, *network.shapes[layer]), stride=network.stride(layer))
-        for layer in layers
     )
     return DetectorSpec(
         file="backbone.onnx",
@@ -185,15 +182,7 @@ def adopted_backbone(backbone: str, weights: Path | None, feature: str | None, s
         tensors = static_tensors(whole := load_onnx(path))
         source = only_outputs(whole, [tensors[head.name] for head in detector.heads]).SerializeToString()
     original = open_network(source, Compute(2, spin=True))
-    return Backbone(
-        name=name,
-        model=model,
-        detector=detector,
-        reference=lambda picture: original.run({detector.input.name: picture}),
-        exact=exact,
-        measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},
-        licence=entry.licence,
-        sources=sources or (f"{path.name} sha256 {sha256_file(path)}",),
-        confidence=entry.confidence,
-        sure_confidence=entry.sure_confidence,
-    )
+    about = {"file": path.name, "sha256": sha256_file(path)}
+    sources = sources or (f"{about['file']} sha256 {about['sha256']}",)
+    manifest = _manifest(name, detector, entry, {"weights": about}, sources)
+    return Backbone(model, manifest, lambda picture: original.run({detector.input.name: picture}), exact)

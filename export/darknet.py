@@ -6,9 +6,10 @@ from pathlib import Path
 from torch import Tensor, nn
 
 from edgemap.export import darknet_layers as layers
-from edgemap.export.darknet_cfg import Section, parse_cfg, read_cfg
+from edgemap.export.darknet_cfg import Section, parse_cfg
 from edgemap.export.darknet_layers import Shape, Yolo
 from edgemap.export.errors import ExportError
+from edgemap.runtime.frames.reading import read_text
 
 FORK_KEYS = frozenset({"iou_loss", "cls_normalizer", "iou_normalizer", "scale_x_y", "nms_kind"})
 CELL_LIMIT = 1 << 26  # values of one layer
@@ -26,7 +27,7 @@ class Darknet(nn.Module):
 
     def __init__(self, cfg: Path | str, size: tuple[int, int] | None = None) -> None:
         super().__init__()
-        sections = read_cfg(cfg) if isinstance(cfg, Path) else parse_cfg(cfg)
+        sections = parse_cfg(read_text(cfg, ExportError), cfg.name) if isinstance(cfg, Path) else parse_cfg(cfg)
         net = sections[0]
         self.name = net.file
         self.channels = net.integer("channels", 3, least=1)
@@ -65,12 +66,13 @@ class Darknet(nn.Module):
     def stride(self, layer: int) -> int:
         """Input px per cell of a layer's output. Raises ExportError where the two axes differ."""
         _, height, width = self.shapes[layer]
-        if self.height % height or self.width % width or self.height // height != self.width // width:
+        stride = self.width // width
+        if (width * stride, height * stride) != (self.width, self.height):
             raise ExportError(
                 f"{self.name}: layer {layer} has {height}x{width} cells, "
                 f"no whole stride of a {self.width}x{self.height} input"
             )
-        return self.width // width
+        return stride
 
     def feature_layer(self, feature: str) -> int:
         """The layer of a feature name.
@@ -112,7 +114,7 @@ class Darknet(nn.Module):
         return known[section.kind](section, shape, index - 1)
 
     def _sources(self, section: Section, key: str, index: int) -> list[int]:
-        sources = [number if number >= 0 else index + number for number in section.integers(key)]
+        sources = [number if number >= 0 else index + number for number in section.numbers(key, int)]
         if not sources or any(not 0 <= source < index for source in sources):
             raise ExportError(
                 f"{section.where} {key}={section.text(key)}: this is layer {index}, sources are 0 to {index - 1}"
@@ -146,11 +148,11 @@ class Darknet(nn.Module):
         return layers.Layer([before, *sources], added), shape
 
     def _yolo(self, section: Section, shape: Shape, before: int) -> tuple[layers.Layer, Shape]:
-        flat, classes = section.numbers("anchors"), section.integer("classes", 20, least=1)
+        flat, classes = section.numbers("anchors", float), section.integer("classes", 20, least=1)
         if len(flat) % 2:
             raise ExportError(f"{section.where} anchors= holds {len(flat)} numbers, not pairs")
         pairs = list(zip(flat[0::2], flat[1::2], strict=True))
-        mask = section.integers("mask") if "mask" in section.options else tuple(range(len(pairs)))
+        mask = section.numbers("mask", int) if "mask" in section.options else tuple(range(len(pairs)))
         if any(not 0 <= number < len(pairs) for number in mask):
             raise ExportError(f"{section.where} mask={section.text('mask')} points outside of {len(pairs)} anchors")
         expected = len(mask) * (classes + 5)

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TypeVar
 
 from edgemap.export.errors import ExportError
-from edgemap.runtime.frames.reading import one_line, read_text
+from edgemap.runtime.frames.reading import one_line
 
 SECTION_LIMIT = 2000
 OPTION_LENGTH = 10_000
@@ -49,16 +48,10 @@ class Section:
         """An option as a real number. Raises ExportError."""
         return self._read(key, [self.text(key)], float, "a number")[0] if key in self.options else default
 
-    def integers(self, key: str) -> tuple[int, ...]:
-        """A comma-separated option as whole numbers. Raises ExportError."""
-        return self._read(key, self._parts(key), int, "a list of whole numbers")
-
-    def numbers(self, key: str) -> tuple[float, ...]:
-        """A comma-separated option as real numbers. Raises ExportError."""
-        return self._read(key, self._parts(key), float, "a list of numbers")
-
-    def _parts(self, key: str) -> list[str]:
-        return [part for part in self.text(key).split(",") if part.strip()]
+    def numbers(self, key: str, read: Callable[[str], Value]) -> tuple[Value, ...]:
+        """A comma-separated option as whole (`int`) or real (`float`) numbers. Raises ExportError."""
+        parts = [part for part in self.text(key).split(",") if part.strip()]
+        return self._read(key, parts, read, "a list of whole numbers" if read is int else "a list of numbers")
 
     def _read(self, key: str, parts: list[str], read: Callable[[str], Value], what: str) -> tuple[Value, ...]:
         try:
@@ -98,11 +91,6 @@ def parse_cfg(text: str, file: str = "cfg") -> list[Section]:
     if len(sections) == 1:
         raise ExportError(f"{file}: [net] without any layer")
     return sections
-
-
-def read_cfg(path: Path) -> list[Section]:
-    """Read a cfg file. Raises ExportError where it cannot be read or parsed."""
-    return parse_cfg(read_text(path, ExportError), path.name)
 
 
 TINY_ANCHORS = "10,14, 23,27, 37,58, 81,82, 135,169, 344,319"

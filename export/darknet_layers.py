@@ -91,9 +91,7 @@ class Shortcut(nn.Module):
 
     def forward(self, x: Tensor, *others: Tensor) -> Tensor:
         """Several (1, C, H, W) to one."""
-        for other in others:
-            x = x + other
-        return self.activation(x)
+        return self.activation(sum(others, x))
 
 
 @dataclass(frozen=True)

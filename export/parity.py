@@ -31,7 +31,7 @@ class Comparison:
     """The largest difference of a file's outputs from their source's, and the tolerance of that output."""
 
     def __init__(self, file: str) -> None:
-        self.file, self.worst, self.tolerance = file, 0.0, 0.0
+        self.file, self.worst = file, Parity(max_abs_difference=0.0, tolerance=0.0, steps=STEPS, cases=CASES)
 
     def check(self, name: str, expected: Array32, found: Array32, relative: float, when: str) -> None:
         """Compare one output. relative: tolerance, of its largest absolute value. Raises ExportError."""
@@ -46,8 +46,8 @@ class Comparison:
                 f"{self.file}: parity failed: {name} differs by {difference:.3g} ({when}); "
                 f"tolerance {relative * scale:.3g}, its values reach {scale:.3g}"
             )
-        if difference >= self.worst:
-            self.worst, self.tolerance = difference, relative * scale
+        if difference >= self.worst.max_abs_difference:
+            self.worst.max_abs_difference, self.worst.tolerance = difference, relative * scale
 
 
 def random_picture(generator: np.random.Generator, height: int, width: int) -> NDArray[np.float32]:
@@ -89,10 +89,7 @@ def prove(bundle: Bundle, reference: Reference, head: PaperHead | None, exact: b
                 feature = chain.record.feature
                 chain.step(expected.get(feature, found[feature]), found[feature], when)
     parts = (backbone, chain.comparison) if chain else (backbone,)
-    return {
-        part.file: Parity(max_abs_difference=part.worst, tolerance=part.tolerance, steps=STEPS, cases=CASES)
-        for part in parts
-    }
+    return {part.file: part.worst for part in parts}
 
 
 class _Chain:

@@ -24,8 +24,8 @@ from edgemap.runtime.inputs.drives.yolo import read_yolo
 from edgemap.runtime.network.bundle import Bundle, load_bundle
 from edgemap.runtime.network.decode import Decoder
 from edgemap.runtime.network.engines import processor_name
-from edgemap.runtime.network.manifest import BundleVariant, DetectorSpec
-from edgemap.runtime.network.manifest_file import read_manifest, sha256_file, verified_file, write_manifest
+from edgemap.runtime.network.manifest import BundleVariant, DetectorSpec, Manifest
+from edgemap.runtime.network.manifest_file import sha256_file, verified_file, write_manifest
 from edgemap.runtime.network.network import Tensors
 from edgemap.runtime.network.preprocess import Preprocessor
 
@@ -122,11 +122,10 @@ FILE = "backbone.int8.onnx"
 MINIMUM_OPSET = 13  # scales per channel
 
 
-def add_int8(folder: Path, calibration: CalibrationPictures) -> None:
-    """Writes the int8 variant to the folder of a bundle, and its accuracy and speed to bundle.json. Raises ExportError,
-    BundleError or CameraError.
+def add_int8(folder: Path, manifest: Manifest, calibration: CalibrationPictures) -> None:
+    """Writes the int8 variant to the folder of a bundle, and its accuracy and speed to the manifest. Raises
+    ExportError, BundleError or CameraError.
     """
-    manifest = read_manifest(folder)
     detector = manifest.detector
     source = onnx.load(verified_file(folder, manifest, detector.file))
     model = quantised(source, detector, calibration.shown)
@@ -135,7 +134,6 @@ def add_int8(folder: Path, calibration: CalibrationPictures) -> None:
     variant = manifest.variants["int8"] = BundleVariant(file=FILE)
     write_manifest(folder, manifest)
     variant.measured = int8_report(load_bundle(folder), load_bundle(folder, precision="int8"), calibration)
-    write_manifest(folder, manifest)
 
 
 def quantised(source: ModelProto, detector: DetectorSpec, pictures: Iterable[Path]) -> ModelProto:

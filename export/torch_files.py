@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
 import torch
 from torch import Tensor, nn
 
@@ -18,8 +17,11 @@ T = TypeVar("T")
 Network = TypeVar("Network", bound=nn.Module)
 
 
-def read_torch(path: Path) -> dict[str, Any]:
-    """A torch file of plain values and tensors; torch unpickles nothing else. Raises ExportError."""
+def read_torch(path: Path, form: str | None = None) -> dict[str, Any]:
+    """A torch file of plain values and tensors; torch unpickles nothing else.
+
+    Raises ExportError where it cannot be read, or is of another format than `form`.
+    """
     if not path.is_file():
         raise ExportError(f"{path}: no such checkpoint")
     try:
@@ -34,6 +36,8 @@ def read_torch(path: Path) -> dict[str, Any]:
         raise ExportError(f"{path}: not a torch checkpoint ({one_line(error, 120)})") from None
     if not isinstance(document, dict):
         raise ExportError(f"{path}: holds a {type(document).__name__}, no checkpoint")
+    if form is not None and document.get("format") != form:
+        raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {form!r}")
     return document
 
 
@@ -47,12 +51,8 @@ def read_checkpoint(path: Path, form: str, kind: type[T]) -> tuple[T, dict[str, 
 
     Raises ExportError where it is invalid, or of another format than `form`.
     """
-    document = read_torch(path)
-    if document.get("format") != form:
-        raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {form!r}")
-    names = {field.encode_name for field in msgspec.structs.fields(kind)}  # type: ignore[arg-type]
-    fields = {key: value for key, value in document.items() if key in names}
-    record = convert(fields, kind, f"{path}: checkpoint", ExportError)
+    document = read_torch(path, form)
+    record = convert(document, kind, f"{path}: checkpoint", ExportError)
     weights = document.get("state_dict")
     if not isinstance(weights, dict) or not all(isinstance(name, str) for name in weights):
         raise ExportError(f"{path}: its state_dict is no weights by name")
@@ -88,6 +88,11 @@ def save_whole(document: dict[str, Any], path: Path) -> None:
     part = path.with_name(f".{path.name}.part")
     torch.save(document, part)
     part.replace(path)
+
+
+def parameter_count(network: nn.Module) -> int:
+    """Trainable numbers of a network."""
+    return sum(parameter.numel() for parameter in network.parameters())
 
 
 def finite(network: nn.Module, path: Path) -> None:

@@ -21,7 +21,6 @@ from edgemap.export.errors import ExportError
 from edgemap.export.settings import Settings
 from edgemap.export.torch_files import read_torch, save_whole
 from edgemap.runtime.frames.disk import make_folder
-from edgemap.runtime.frames.reading import one_line
 
 SAVE_EVERY_S = 120.0
 LOOK_EVERY = 20  # steps of a GPU between two reads of its losses, as each read waits for it
@@ -91,7 +90,7 @@ class Training(ABC, Generic[N, S]):
         folder: Path,
         settings: S,
         network: N,
-        optimizer: Callable[[nn.Module], torch.optim.Optimizer],
+        optimizer: Callable[[list[nn.Parameter]], torch.optim.Optimizer],
         budget: int,
     ) -> None:
         torch.set_num_threads(settings.threads)
@@ -99,9 +98,9 @@ class Training(ABC, Generic[N, S]):
         self.device = self.ranks.device
         self.folder, self.settings, self.budget = folder, settings, budget
         self.network = network.to(self.device).train()
-        self.learning = [parameter for parameter in network.parameters() if parameter.requires_grad]
+        self.learning = list(network.parameters())
         self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
-        self.optimizer = optimizer(network)
+        self.optimizer = optimizer(self.learning)
         self.steps, self.trained_s = 0, 0.0
         self.rows: list[dict[str, Any]] = []
         self.sums: dict[str, float | Tensor] = {}
@@ -207,9 +206,7 @@ class Training(ABC, Generic[N, S]):
     def resume(self) -> None:
         """Continue from `last.pt`. Raises ExportError where it belongs to another run."""
         path = self.folder / "last.pt"
-        state = read_torch(path)
-        if state.get("format") != self.resume_format:
-            raise ExportError(f"{path}: format {one_line(repr(state.get('format')))}, expected {self.resume_format!r}")
+        state = read_torch(path, self.resume_format)
         self.restore(state, path)
         ours, theirs = self.network.state_dict(), state["network"]
         if ours.keys() != theirs.keys() or any(ours[name].shape != theirs[name].shape for name in ours):

@@ -18,17 +18,16 @@ STRETCH = (-0.1, 1.1)  # from as the picture is (0) to as wide as high (1)
 
 def mosaic(examples: Sequence[Example], size: int, generator: Generator) -> Example:
     """Four pictures round a random point of a square canvas, each at its own scale."""
-    canvas = np.full((size, size, 3), PAD, dtype=np.uint8)
     centre = generator.uniform(0.3, 0.7, 2) * size
-    parts = []
+    placed = []
     for position, example in enumerate(examples):
         scale = _scale(example, size * generator.uniform(*MOSAIC_SCALES), generator)
         width, height = example.image.shape[1::-1] * scale
         corner = centre - [width * (position % 2 == 0), height * (position < 2)]
         x0, x1 = (0.0, centre[0]) if position % 2 == 0 else (centre[0], size)
         y0, y1 = (0.0, centre[1]) if position < 2 else (centre[1], size)
-        parts.append(_paste(canvas, example, scale, corner, np.array([x0, y0, x1, y1])))
-    return _join(canvas, parts)
+        placed.append((example, scale, corner, np.array([x0, y0, x1, y1])))
+    return _composed(size, placed)
 
 
 def single(example: Example, size: int, generator: Generator) -> Example:
@@ -37,16 +36,14 @@ def single(example: Example, size: int, generator: Generator) -> Example:
     width, height = example.image.shape[1::-1] * scale
     room = np.array([size - width, size - height])
     corner = np.where(room < 0, generator.uniform(0.0, 1.0, 2) * room, generator.uniform(0.0, 1.0, 2) ** 2 * room)
-    canvas = np.full((size, size, 3), PAD, dtype=np.uint8)
-    return _join(canvas, [_paste(canvas, example, scale, corner, np.array([0.0, 0.0, size, size]))])
+    return _composed(size, [(example, scale, corner, np.array([0.0, 0.0, size, size]))])
 
 
 def plain(example: Example, size: int, stretched: bool = True) -> Example:
     """The picture as at inference: stretched to the square, or at the top left on grey."""
-    canvas = np.full((size, size, 3), PAD, dtype=np.uint8)
     sides = np.array(example.image.shape[1::-1], dtype=np.float64)
     scale = size / (sides if stretched else np.full(2, sides.max()))
-    return _join(canvas, [_paste(canvas, example, scale, np.zeros(2), np.array([0.0, 0.0, size, size]))])
+    return _composed(size, [(example, scale, np.zeros(2), np.array([0.0, 0.0, size, size]))])
 
 
 def flip(example: Example) -> Example:
@@ -82,17 +79,22 @@ def recolour(image: NDArray[np.uint8], generator: Generator) -> NDArray[np.uint8
     return image
 
 
-_Part = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]
-
-
 def _scale(example: Example, longer: float, generator: Generator) -> NDArray[np.float64]:
     """Of x and y: the longer side gets that many px, the other one anything up to being as long."""
     sides = np.array(example.image.shape[1::-1], dtype=np.float64)
     return longer / sides.max() * (sides.max() / sides) ** generator.uniform(*STRETCH)
 
 
-def _paste(canvas: NDArray[np.uint8], example: Example, scale: NDArray, corner: NDArray, window: NDArray) -> _Part:
-    """Draw a scaled picture at `corner` inside `window` (xyxy); its boxes there, and the visible share of each."""
+def _composed(size: int, placed: Sequence[tuple[Example, NDArray, NDArray, NDArray]]) -> Example:
+    """A square grey canvas with pictures: each with its scale, its corner and the window (xyxy) that shows it."""
+    canvas = np.full((size, size, 3), PAD, dtype=np.uint8)
+    columns = zip(*(_paste(canvas, *one) for one in placed), strict=True)
+    boxes, labels, visible, scores = map(np.concatenate, columns)
+    return Example(canvas, boxes, labels, visible, scores=scores)
+
+
+def _paste(canvas: NDArray, example: Example, scale: NDArray, corner: NDArray, window: NDArray) -> tuple[NDArray, ...]:
+    """Draw a scaled picture at `corner` inside `window` (xyxy); boxes there, labels, visible shares, certainties."""
     left, top, right, bottom = (int(v) for v in np.rint(window))
     matrix = np.array([[scale[0], 0.0, corner[0]], [0.0, scale[1], corner[1]]])
     # From outer edges of pixels to their centres, which OpenCV counts in.
@@ -116,8 +118,3 @@ def _paste(canvas: NDArray[np.uint8], example: Example, scale: NDArray, corner: 
         (example.visible * share)[keep].astype(np.float32),
         example.certainty()[keep],
     )
-
-
-def _join(canvas: NDArray[np.uint8], parts: Sequence[_Part]) -> Example:
-    boxes, labels, visible, scores = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Example(canvas, boxes, labels, visible, scores=scores)

@@ -66,8 +66,9 @@ def _yolox(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:
 
 def _dfl(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:
     """Logits (B, C+32, H, W): classes, then eight bins of each of left, top, right, bottom."""
-    del size  # 416 px are 7 cells of stride 64
-    centres, strides = _cells(output.shape[2:], float(head.strides[0]), float(head.strides[0]), output.device)
+    height, width = output.shape[2:]
+    size = height * head.strides[0], width * head.strides[0]  # 416 px are 7 cells of stride 64
+    centres, strides = _grid((height, width), size, output.device)
     rows = output.flatten(2).transpose(1, 2)
     classes = rows.shape[-1] - 4 * BINS
     bins = rows[..., classes:].unflatten(-1, (4, BINS))
@@ -77,11 +78,8 @@ def _dfl(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:
 
 
 def _grid(cells: Sequence[int], size: tuple[int, int], device: torch.device) -> tuple[Tensor, Tensor]:
-    return _cells(cells, size[0] / cells[0], size[1] / cells[1], device)
-
-
-def _cells(cells: Sequence[int], high: float, wide: float, device: torch.device) -> tuple[Tensor, Tensor]:
-    """Centres (H*W, 2) of cells of that height and width, px, row by row, and their stride (H*W,)."""
+    """Centres (H*W, 2) of the cells of a picture of that (height, width), px, row by row, and their stride (H*W,)."""
+    high, wide = size[0] / cells[0], size[1] / cells[1]
     rows, columns = (torch.arange(count, dtype=torch.float32, device=device) + 0.5 for count in cells)
     grid = torch.stack(torch.meshgrid(columns * wide, rows * high, indexing="xy"), dim=-1).reshape(-1, 2)
     return grid, torch.full((len(grid),), wide, device=device)
@@ -98,21 +96,24 @@ def _boxes(middle: Tensor, sides: Tensor) -> Tensor:
 
 def overlap(a: Tensor, b: Tensor) -> Tensor:
     """IoU of boxes (..., N, 4) and (..., M, 4), shape (..., N, M)."""
-    low = torch.maximum(a[..., :, None, :2], b[..., None, :, :2])
-    high = torch.minimum(a[..., :, None, 2:], b[..., None, :, 2:])
-    common = (high - low).clamp(min=0.0).prod(-1)
-    return common / (_area(a)[..., :, None] + _area(b)[..., None, :] - common).clamp(min=1e-6)
+    common, union = _shared(a[..., :, None, :], b[..., None, :, :])
+    return common / union
 
 
 def generalised_iou(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     """IoU and GIoU (Rezatofighi et al. 2019) of boxes paired one by one, (..., 4) each."""
-    low, high = torch.maximum(a[..., :2], b[..., :2]), torch.minimum(a[..., 2:], b[..., 2:])
-    common = (high - low).clamp(min=0.0).prod(-1)
-    union = (_area(a) + _area(b) - common).clamp(min=1e-6)
-    hull = (torch.maximum(a[..., 2:], b[..., 2:]) - torch.minimum(a[..., :2], b[..., :2])).prod(-1).clamp(min=1e-6)
+    common, union = _shared(a, b)
+    hull = _area(torch.minimum(a[..., :2], b[..., :2]), torch.maximum(a[..., 2:], b[..., 2:])).clamp(min=1e-6)
     iou = common / union
     return iou, iou - (hull - union) / hull
 
 
-def _area(boxes: Tensor) -> Tensor:
-    return (boxes[..., 2:] - boxes[..., :2]).clamp(min=0.0).prod(-1)
+def _shared(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
+    """Areas of intersection and union of boxes paired one by one."""
+    common = _area(torch.maximum(a[..., :2], b[..., :2]), torch.minimum(a[..., 2:], b[..., 2:]))
+    union = _area(a[..., :2], a[..., 2:]) + _area(b[..., :2], b[..., 2:]) - common
+    return common, union.clamp(min=1e-6)
+
+
+def _area(low: Tensor, high: Tensor) -> Tensor:
+    return (high - low).clamp(min=0.0).prod(-1)

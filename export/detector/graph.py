@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from edgemap.export.errors import ExportError
+from edgemap.export.onnx_export import input_shapes
 from edgemap.runtime.frames.reading import error_line, one_line
 
 Operator = Callable[..., Any]
@@ -29,7 +30,7 @@ class Graph(nn.Module):
         self._model = _constants_as_initializers(model)
         graph = self._model.graph
         self._values = {item.name: _array(item) for item in graph.initializer}
-        self.input = next((value.name for value in graph.input if value.name not in self._values), "")
+        self.input = next(iter(input_shapes(self._model)), "")
         self.outputs = [value.name for value in graph.output]
         convolutions = [node for node in graph.node if node.op_type == "Conv"]
         for node in convolutions:

@@ -76,13 +76,12 @@ class Batches(Dataset[tuple[Tensor, Targets]]):
         generator = np.random.default_rng([self._seed, epoch])
         if not self._mix:
             return generator.permutation(len(self._examples))
-        sources = np.array([example.source for example in self._examples])
         parts = []
         for source, share in enumerate(self._mix):
-            own = np.flatnonzero(sources == source)
-            wanted = round(share / sum(self._mix) * len(self._examples)) if len(own) else 0
-            rounds = [generator.permutation(own) for _ in range(-(-wanted // max(1, len(own))))]
-            parts.append(np.concatenate([own[:0], *rounds])[:wanted])
+            if (own := self._parts.get(source)) is not None:
+                wanted = round(share / sum(self._mix) * len(self._examples))
+                rounds = [generator.permutation(own) for _ in range(-(-wanted // len(own)))]
+                parts.append(np.concatenate([own[:0], *rounds])[:wanted])
         return generator.permutation(np.concatenate(parts))
 
     def _one(self, epoch: int, position: int, order: np.ndarray, size: int) -> Example:

@@ -157,6 +157,5 @@ def _focal_bins(bins: Tensor, sides: Tensor) -> Tensor:
     low = sides.long()
     share = (sides - low)[..., None]
     likely = bins.log_softmax(-1)
-    return -(likely.gather(-1, low[..., None]) * (1.0 - share) + likely.gather(-1, low[..., None] + 1) * share).mean(
-        (-1, -2)
-    )
+    both = likely.gather(-1, low[..., None]) * (1.0 - share) + likely.gather(-1, low[..., None] + 1) * share
+    return -both.mean((-1, -2))

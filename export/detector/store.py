@@ -40,16 +40,9 @@ def teacher_of(bundles: Sequence[Bundle]) -> Teacher:
 
 def averaged(found: Sequence[Detections]) -> tuple[NDArray[np.float64], list[str], NDArray[np.float64]]:
     """Weighted boxes fusion (Solovyev et al. 2021): (N, 4) boxes, names, scores; a teacher that misses counts as 0."""
-    rows = sorted(
-        (
-            (score, label, box)
-            for one in found
-            for score, label, box in zip(one.scores, one.labels, one.boxes, strict=True)
-        ),
-        key=lambda row: -row[0],
-    )
+    rows = [row for one in found for row in zip(one.scores, one.labels, one.boxes, strict=True)]
     groups: list[tuple[str, list[float], list[NDArray[np.float64]]]] = []
-    for score, label, box in rows:
+    for score, label, box in sorted(rows, key=lambda row: -row[0]):
         for name, scores, boxes in groups:
             if name == label and len(scores) < len(found) and iou(box, _mean(scores, boxes)[None])[0] > SAME_OVERLAP:
                 scores.append(float(score))

@@ -3,11 +3,11 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import torch
-from torch import nn
 
 from edgemap.export.detector.boxes import Rows
 from edgemap.export.detector.loader import Batches
@@ -25,10 +25,6 @@ PANELS = {
     "loss": {"scores": "scores", "box": "box (1 - GIoU)", "bins": "sides' bins", "kept": "distance kept"},
     "validation": {"ap50": "AP50", "ap": "AP 0.50:0.95"},
 }
-
-
-def _adam(network: nn.Module) -> torch.optim.Optimizer:
-    return torch.optim.AdamW([one for one in network.parameters() if one.requires_grad], weight_decay=0.0)
 
 
 class Trainer(Training[TorchNetwork, DetectorSettings]):
@@ -52,7 +48,7 @@ class Trainer(Training[TorchNetwork, DetectorSettings]):
         settings: DetectorSettings,
         reference: TorchNetwork | None = None,
     ) -> None:
-        super().__init__(folder, settings, start.copy(), _adam, settings.epochs)
+        super().__init__(folder, settings, start.copy(), partial(torch.optim.AdamW, weight_decay=0.0), settings.epochs)
         self.train, self.validation = train, validation
         self.reference = (reference or start).copy().to(self.device).requires_grad_(False)
         self.forward = self.ranks.wrap(self.network)

@@ -10,12 +10,11 @@ from tqdm import tqdm
 
 from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import FINE, STRIDES
-from edgemap.export.floor.pictures import load, targets, varied
+from edgemap.export.floor.pictures import Pair, load, targets, varied
 
 FORMAT = "edgemap.floor.views/4"
 STRIDE = STRIDES[1] // FINE
 FULL = 255  # of a share in 8 bits
-Pair = tuple[Path, Path]
 Records = NDArray[np.void]
 
 

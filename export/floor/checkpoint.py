@@ -1,6 +1,6 @@
 """A trained floor head as a torch file: what training saves and export reads."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,7 +26,7 @@ class FloorCheckpoint:
 
     head: FloorHead
     backbone: str
-    taps: tuple[str, str, str, str]
+    taps: tuple[str, ...]
     measured: dict[str, Any] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
 
@@ -44,8 +44,7 @@ class _Record(msgspec.Struct):
 
 def save_floor(checkpoint: FloorCheckpoint, path: Path) -> None:
     """Write a checkpoint: plain values and float32 tensors."""
-    head = checkpoint.head
-    document = {item.name: getattr(checkpoint, item.name) for item in fields(checkpoint) if item.name != "head"}
+    head, document = checkpoint.head, {name: value for name, value in vars(checkpoint).items() if name != "head"}
     document |= {"channels": head.channels, "rows": head.rows, "width": head.width, "deep": len(head.deep)}
     save_whole({"format": FORMAT, **document, "state_dict": head.state_dict()}, path)
 

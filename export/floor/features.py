@@ -1,7 +1,7 @@
 """Inputs of a floor head: the frozen detector's features of strides 4 to 32."""
 
-import copy
 import hashlib
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from edgemap.export.floor.head import STRIDES
 from edgemap.export.floor.merge import floor_taps
 from edgemap.export.onnx_export import free_rows
 from edgemap.runtime.network.engines import open_network
-from edgemap.runtime.network.network import Compute, Network
+from edgemap.runtime.network.network import Compute
 from edgemap.runtime.network.preprocess import Placement, Preprocessor, rows_of
 
 Float = NDArray[np.float32]
@@ -29,10 +29,11 @@ class Features:
         model, manifest = load_detector(backbone)
         detector = manifest.detector
         self.backbone, self.taps = manifest.name, floor_taps(model, detector)
-        self.open = free_rows(model, detector) is not model
+        self.open = free_rows(model, detector.input) is not model
         self._preprocess, self._input = Preprocessor(detector.input), detector.input
-        self._model, self._threads = only_outputs(model, self.taps), threads
-        self._networks: dict[int, Network] = {}
+        tapped = only_outputs(model, self.taps)
+        graph = (free_rows(tapped, detector.input) if self.open else tapped).SerializeToString()
+        self._network = cache(partial(open_network, graph, Compute(threads)))  # by rows of the input
         described = model.SerializeToString(deterministic=True) + repr((detector.input, self.taps, self.open)).encode()
         self.key = hashlib.sha256(described).hexdigest()
 
@@ -43,25 +44,13 @@ class Features:
         tensor, placement = self._preprocess(image)
         height, whole = self._input.height, (0, self._input.height)
         first, rows = rows_of(self._input, image.shape[1], image.shape[0], STRIDES[-1]) if self.open else whole
-        if rows not in self._networks:
-            self._networks[rows] = self._network(rows)
-        found = self._networks[rows].run({self._input.name: tensor[:, :, first : first + rows]})
+        found = self._network(rows).run({self._input.name: tensor[:, :, first : first + rows]})
         maps = [_filled(found[tap.name], tap, first / height) for tap in self.taps]
         computed = np.zeros((1, self.taps[-1].height), np.float32)
         computed[:, first // STRIDES[-1] : (first + rows) // STRIDES[-1]] = 1.0
         return maps, placement, computed
 
-    def _network(self, rows: int) -> Network:
-        """For that many rows of the input."""
-        model = copy.deepcopy(self._model)
-        for value in (model.graph.input[0], *model.graph.output):
-            size = value.type.tensor_type.shape.dim[2]
-            size.dim_value = size.dim_value * rows // self._input.height
-        return open_network(model.SerializeToString(), Compute(self._threads))
-
 
 def _filled(part: Float, tap: Tensor4, above: float) -> Float:
-    whole = np.zeros((1, tap.channels, tap.height, tap.width), np.float32)
     first = round(above * tap.height)
-    whole[:, :, first : first + part.shape[2]] = part
-    return whole
+    return np.pad(part, ((0, 0), (0, 0), (first, tap.height - first - part.shape[2]), (0, 0)))

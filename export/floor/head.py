@@ -47,7 +47,7 @@ class FloorHead(nn.Module):
     deep: blocks at stride 32.
     """
 
-    def __init__(self, channels: tuple[int, int, int, int], rows: int, width: int = WIDTH, deep: int = DEEP) -> None:
+    def __init__(self, channels: tuple[int, ...], rows: int, width: int = WIDTH, deep: int = DEEP) -> None:
         super().__init__()
         self.channels, self.rows, self.width = channels, rows, width
         s4, s8, s16, s32 = channels
@@ -78,11 +78,6 @@ class FloorHead(nn.Module):
         x = self.context(functional.relu(self.from8(s8) + _twice(x)), at8)
         x = self.last(self.detailed(torch.cat([x, self.from4(s4)], dim=1)), at8)
         return functional.pixel_shuffle(self.out(x), FINE)
-
-    @property
-    def parameters_count(self) -> int:
-        """Trainable numbers."""
-        return sum(parameter.numel() for parameter in self.parameters())
 
 
 def _twice(x: Tensor) -> Tensor:

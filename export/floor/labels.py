@@ -7,18 +7,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logit
+from scipy.special import expit, logit, softmax
 from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
+from edgemap.export.floor.pictures import Image, Pair
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.frame import png
 from edgemap.runtime.frames.reading import one_line, user_path
 from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.inputs.drives.truth import floor_pairs, paired
 
-Image = NDArray[np.uint8]
-Pair = tuple[Path, Path]
 Teacher = Callable[[Image], Image]
 FLOORS = (4, 29)  # of the teacher's 32 classes: floor, rug
 WALLS = (1, 15)  # wall, door
@@ -55,9 +54,7 @@ def open_teacher(path: Path, threads: int = 1) -> Teacher:
     def shares(small: Image) -> NDArray[np.float32]:
         network.set_tensor(picture["index"], cv2.cvtColor(small, cv2.COLOR_BGR2RGB)[None])
         network.invoke()
-        found = (network.get_tensor(logits["index"])[0].astype(np.float32) - zero) * scale
-        found = np.exp(found - found.max(axis=2, keepdims=True))
-        found /= found.sum(axis=2, keepdims=True)
+        found = softmax((network.get_tensor(logits["index"])[0].astype(np.float32) - zero) * scale, axis=2)
         floor, wall = (found[..., list(group)].sum(axis=2) for group in (FLOORS, WALLS))
         return np.stack([1.0 - floor - wall, floor, wall], axis=2)
 

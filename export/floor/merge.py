@@ -53,10 +53,7 @@ def with_floor(
     merged.graph.node.extend(graph.nodes)
     merged.graph.initializer.extend(graph.constants)
     value = helper.make_tensor_value_info(OUTPUT, onnx.TensorProto.FLOAT, shape)
-    heads = len(detector.heads)
-    outputs = [*merged.graph.output[:heads], value, *merged.graph.output[heads:]]
-    del merged.graph.output[:]
-    merged.graph.output.extend(outputs)
+    merged.graph.output.insert(len(detector.heads), value)
     spec = FloorSpec(name=OUTPUT, shape=shape, stride=stride, labels=LABELS)
     return merged, msgspec.structs.replace(detector, floor=spec)
 

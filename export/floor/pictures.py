@@ -16,6 +16,7 @@ from edgemap.runtime.inputs.drives.truth import FloorLabel, read_floor_labels
 from edgemap.runtime.network.preprocess import Placement
 
 Image = NDArray[np.uint8]
+Pair = tuple[Path, Path]  # a picture and its labels
 Float = NDArray[np.float32]
 SMALLEST = 0.3  # side of a crop, of the picture's: small enough that the lowest rows often show no floor
 ASPECT = (0.8, 1.25)
@@ -26,7 +27,7 @@ WHOLE = 0.15  # share of pictures that are not cut
 TINTED, SUNLIT, RUGGED, WET, LITTERED = 0.5, 0.2, 0.2, 0.15, 0.2  # shares of those whose floor is changed so
 
 
-def load(pair: tuple[Path, Path]) -> tuple[Image, Image]:
+def load(pair: Pair) -> tuple[Image, Image]:
     """A picture and its shares, at most KEPT_PX long. Raises CameraError."""
     image = read_picture(pair[0])
     height, width = image.shape[:2]
@@ -85,12 +86,12 @@ def targets(shares: Image, placement: Placement, stride: int, shape: tuple[int, 
     """The head's targets for a picture placed in the input: shares of floor and wall (2, rows, columns) in each cell's
     labelled part, and that part's share of the cell (rows, columns), 0 in the padding.
     """
-    where = placement
     planes = shares.astype(np.float32) / 255.0
     planes[..., 0] = planes.sum(axis=2)  # what is labelled
     placed = np.zeros((shape[0] * stride, shape[1] * stride, 3), dtype=np.float32)
-    small = cv2.resize(planes, (where.width, where.height), interpolation=cv2.INTER_AREA)
-    placed[where.top : where.top + where.height, where.left : where.left + where.width] = small
+    small = cv2.resize(planes, (placement.width, placement.height), interpolation=cv2.INTER_AREA)
+    top, left = placement.top, placement.left
+    placed[top : top + placement.height, left : left + placement.width] = small
     cells = cv2.resize(placed, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
     share = np.minimum(cells[..., 0], 1.0)
     parts = np.moveaxis(cells[..., 1:] / np.maximum(share, 1e-6)[..., None], 2, 0)

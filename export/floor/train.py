@@ -2,21 +2,22 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional
 
 from edgemap.evaluation.floor import FloorScore
-from edgemap.export.floor.cache import FULL, STRIDE, Pair, Records
+from edgemap.export.floor.cache import FULL, STRIDE, Records
 from edgemap.export.floor.checkpoint import FloorCheckpoint, save_floor
 from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import LABELS, STRIDES, FloorHead
-from edgemap.export.floor.pictures import load, named
+from edgemap.export.floor.pictures import Pair, load, named
 from edgemap.export.settings import FloorSettings
 from edgemap.export.training import Training, rate_at
 from edgemap.runtime.network.manifest import FloorSpec
@@ -45,11 +46,10 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
         credits: Sequence[str] = (),
     ) -> None:
         torch.manual_seed(settings.seed)
-        s4, s8, s16, s32 = features.taps
-        channels = s4.channels, s8.channels, s16.channels, s32.channels
-        head = start or FloorHead(channels, 0 if features.open else s16.height)
+        channels = tuple(tap.channels for tap in features.taps)
+        head = start or FloorHead(channels, 0 if features.open else features.taps[2].height)
         head = head.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        super().__init__(folder, settings, head, _adam, settings.epochs)
+        super().__init__(folder, settings, head, partial(torch.optim.AdamW, weight_decay=1e-2), settings.epochs)
         self._features, self._sources, self._held_back = features, sources, held_back
         self._credits = tuple(credits)
         self._rng = np.random.default_rng(settings.seed)
@@ -75,10 +75,8 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
     def _batch(self) -> tuple[list[Tensor], Tensor, Tensor, Tensor]:
         """Features, which of their rows are computed, shares and what is known of them, mirrored or not, with noise on
         the features' channels."""
-        chosen = []
-        for source in self._rng.choice(len(self._sources), self.settings.batch, p=self._shares):
-            records = self._sources[source]
-            chosen.append(records[int(self._rng.integers(len(records)))])
+        drawn = [self._sources[at] for at in self._rng.choice(len(self._sources), self.settings.batch, p=self._shares)]
+        chosen = [records[int(self._rng.integers(len(records)))] for records in drawn]
         mirrored = self._rng.random(len(chosen)) < 0.5
         maps = [_stacked([kept[f"s{level}"] for kept in chosen], mirrored) for level in range(len(STRIDES))]
         noisy = [one.mul_(1.0 + NOISE * torch.randn(*one.shape[:2], 1, 1)) for one in maps]
@@ -96,8 +94,7 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
         row["iou"] = round(float(np.mean([figures["iou"] or 0.0 for figures in rows.values()])), 4)
         if self.enter(row):
             measured = {"validation": rows, "settings": asdict(self.settings), "steps": self.steps}
-            s4, s8, s16, s32 = self._features.taps
-            names = s4.name, s8.name, s16.name, s32.name
+            names = tuple(tap.name for tap in self._features.taps)
             checkpoint = FloorCheckpoint(head, self._features.backbone, names, measured, self._credits)
             save_floor(checkpoint, self.folder / "best.pt")
 
@@ -108,10 +105,6 @@ class FloorTrainer(Training[FloorHead, FloorSettings]):
     def restore(self, state: dict[str, Any], path: Path) -> None:  # noqa: ARG002
         """Go on with the next batch."""
         self._rng.bit_generator.state = state["random"]
-
-
-def _adam(head: nn.Module) -> torch.optim.Optimizer:
-    return torch.optim.AdamW(head.parameters(), weight_decay=1e-2)
 
 
 def _stacked(maps: Sequence[NDArray[Any]], mirrored: NDArray[np.bool_]) -> Tensor:
@@ -131,11 +124,9 @@ def floor_loss(logits: Tensor, truth: Tensor, labelled: Tensor) -> tuple[Tensor,
     entropy = (entropy * weight).sum((0, 2, 3)) / weight.sum().clamp(min=1.0)
     predicted = logits[:, :1].sigmoid() * labelled[:, None]
     both = (predicted * floor).sum((1, 2, 3))
-    dice = (
-        1.0
-        - ((2.0 * both + 1.0) / (predicted.sum((1, 2, 3)) + (floor * labelled[:, None]).sum((1, 2, 3)) + 1.0)).mean()
-    )
-    loss = entropy[0] + 0.5 * entropy[1] + DICE * dice
+    either = predicted.sum((1, 2, 3)) + (floor * labelled[:, None]).sum((1, 2, 3))
+    dice = ((2.0 * both + 1.0) / (either + 1.0)).mean()
+    loss = entropy[0] + 0.5 * entropy[1] + DICE * (1.0 - dice)
     return loss, {"loss": loss.detach(), "floor": entropy[0].detach(), "wall": entropy[1].detach()}
 
 

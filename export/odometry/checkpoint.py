@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.paper import LARGE, PARAMETER_LIMIT, PaperHead, eight_bits
-from edgemap.export.torch_files import fill, read_checkpoint, save_whole
+from edgemap.export.torch_files import fill, parameter_count, read_checkpoint, save_whole
 from edgemap.runtime.frames.reading import Name
 from edgemap.runtime.network.manifest import Deviation
 
@@ -49,10 +49,7 @@ class _OdometryRecord(msgspec.Struct):
 
 def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
     """Write a checkpoint: plain values and tensors, whose weights are rounded to 8 bits."""
-    head = checkpoint.head
-    document: dict[str, Any] = {
-        item.name: getattr(checkpoint, item.name) for item in fields(checkpoint) if item.name != "head"
-    }
+    head, document = checkpoint.head, {name: value for name, value in vars(checkpoint).items() if name != "head"}
     document |= {"format": FORMAT, "shape": list(head.shape), "hidden": list(head.hidden)}
     weights = head.state_dict()
     for name, tensor in weights.items():
@@ -66,7 +63,7 @@ def load_head(path: Path) -> HeadCheckpoint:
     """Reads a checkpoint. Raises ExportError where it is invalid, damaged, or exceeds the paper's parameter count."""
     record, weights = read_checkpoint(path, FORMAT, _OdometryRecord)
     head = fill(lambda: PaperHead(record.shape, record.hidden, record.dense), weights, path)
-    if head.parameters_count > PARAMETER_LIMIT:
-        raise ExportError(f"{path}: {head.parameters_count:,} parameters, the paper allows {PARAMETER_LIMIT:,}")
+    if (count := parameter_count(head)) > PARAMETER_LIMIT:
+        raise ExportError(f"{path}: {count:,} parameters, the paper allows {PARAMETER_LIMIT:,}")
     values = {item.name: getattr(record, item.name) for item in fields(HeadCheckpoint) if item.name != "head"}
     return HeadCheckpoint(head=head.eval(), **values)

@@ -43,12 +43,12 @@ class FeatureStore:
     """Cached features in a folder, keyed by the backbone's bytes, its input rule and its feature's name."""
 
     def __init__(self, part: Backbone, folder: Path, threads: int = 2) -> None:
-        self.input = part.detector.input
-        (feature,) = part.detector.features
+        detector = part.manifest.detector
+        self.input, (feature,) = detector.input, detector.features
         self._name, self.shape = feature.name, feature.shape
         model = part.model.SerializeToString(deterministic=True)
         # A mirrored picture's raw YOLOv3 map is the mirrored map with negated x offsets of boxes; others: unknown.
-        raw = [head for head in part.detector.heads if part.detector.decode == "yolov3" and head.name == self._name]
+        raw = [head for head in detector.heads if detector.decode == "yolov3" and head.name == self._name]
         values = self.shape[1] // max(1, *(len(head.anchors) for head in raw)) if raw else 0
         self.mirror = np.where(np.arange(self.shape[1]) % values, 1.0, -1.0).astype(np.float32) if raw else None
         about = f"{FORMAT} {hashlib.sha256(model).hexdigest()} {self.input} {self._name}"

@@ -7,6 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from edgemap.export.errors import ExportError
+from edgemap.export.torch_files import parameter_count
 
 PARAMETER_LIMIT = 2_509_555  # the paper's count of trainable parameters, section 4.3
 HIDDEN = (64, 64)  # channels of both layers
@@ -52,7 +53,7 @@ class PaperHead(nn.Module):
         inputs = [channels, *hidden[:-1]]
         self.cells = nn.ModuleList(ConvLSTMCell(i, o) for i, o in zip(inputs, hidden, strict=True))
         flat = hidden[-1] * height * width
-        self.dense = nn.Linear(flat, dense or _dense_units(flat, _count(self.cells), self.shape))
+        self.dense = nn.Linear(flat, dense or _dense_units(flat, parameter_count(self.cells), self.shape))
         self.out = nn.Linear(self.dense.out_features, 3)
         self.feature_mean: Tensor
         self.feature_std: Tensor
@@ -60,11 +61,6 @@ class PaperHead(nn.Module):
         self.register_buffer("feature_mean", torch.zeros(1, channels, 1, 1))
         self.register_buffer("feature_std", torch.ones(1, channels, 1, 1))
         self.register_buffer("motion_scale", torch.tensor([0.02, 0.01, 0.04]))
-
-    @property
-    def parameters_count(self) -> int:
-        """Trainable parameters."""
-        return _count(self)
 
     @property
     def state_shapes(self) -> dict[str, tuple[int, ...]]:
@@ -90,17 +86,14 @@ def random_head(shape: Sequence[int], seed: int = 0) -> PaperHead:
     """An untrained head whose weights follow from the seed alone."""
     head = PaperHead(shape)
     generator = torch.Generator().manual_seed(seed)
-    with torch.no_grad():
-        for module in head.modules():
-            if isinstance(module, (nn.Conv2d, nn.Linear)):
-                assert module.bias is not None
-                bound = module.weight[0].numel() ** -0.5
-                module.weight.uniform_(-bound, bound, generator=generator)
-                module.bias.zero_()
-        for cell in head.cells:
-            assert isinstance(cell, ConvLSTMCell)
-            assert cell.gates.bias is not None
-            cell.gates.bias[cell.hidden : 2 * cell.hidden] = 1.0
+    for name, tensor in head.state_dict().items():  # which shares the head's memory
+        if name.endswith(".weight"):
+            bound = tensor[0].numel() ** -0.5
+            tensor.uniform_(-bound, bound, generator=generator)
+        elif name.endswith(".bias"):
+            tensor.zero_()
+        if name.endswith(".gates.bias"):
+            tensor.chunk(4)[1].fill_(1.0)  # the forget gate's
     return head
 
 
@@ -119,7 +112,3 @@ def _dense_units(flat: int, used: int, shape: tuple[int, ...]) -> int:
             f"the paper allows {PARAMETER_LIMIT:,}"
         )
     return units
-
-
-def _count(module: nn.Module) -> int:
-    return sum(parameter.numel() for parameter in module.parameters())

@@ -1,7 +1,7 @@
 """Trains the paper's head by its section 4.3 on cached features: clips, equation 2, validation on complete drives."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -73,15 +73,13 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
         length: int = 10,
         mirror: NDArray[np.float32] | None = None,
     ) -> None:
-        super().__init__(
-            folder, settings, start.head, lambda head: torch.optim.Adagrad(head.parameters()), settings.steps
-        )
+        super().__init__(folder, settings, start.head, torch.optim.Adagrad, settings.steps)
         self.start, self.train, self.validation, self.length = start, train, validation, length
         for drive in train:
             if len(drive) < length:
                 raise ExportError(f"{drive.name}: {len(drive)} frames, sequences need {length}")
         self._motions, self._mirror = [drive.motions for drive in train], mirror
-        self._starts = np.cumsum([len(drive) - length + 1 for drive in train])
+        self._clips = [(index, first) for index, drive in enumerate(train) for first in range(len(drive) - length + 1)]
 
     def take_steps(self) -> Iterator[None]:
         """Train step by step: draw clips, compute the loss, descend. Seed and step number determine the clips."""
@@ -97,9 +95,7 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
     def _batch(self, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         """Features (B, T, C, H, W) and motions (B, T - 1, 3) of random clips, each as likely as any other."""
         features, motions = [], []
-        for place in rng.integers(self._starts[-1], size=self.settings.batch):
-            index = int(np.searchsorted(self._starts, place, side="right"))
-            first = int(place - (self._starts[index - 1] if index else 0))
+        for index, first in (self._clips[at] for at in rng.integers(len(self._clips), size=self.settings.batch)):
             clip = self.train[index].features[first : first + self.length].astype(np.float32)
             motion = self._motions[index][first : first + self.length - 1]
             if self._mirror is not None and rng.random() < 0.5:
@@ -117,8 +113,8 @@ class HeadTraining(Training[PaperHead, OdometrySettings]):
             sigma = found["rmse_forward_m"], found["rmse_left_m"], found["rmse_yaw_rad"]
             training = {"drives": len(self.train), "settings": asdict(self.settings), **self.rows[-1]}
             measured = {"training": training, "validation": found | {"drives": len(self.validation)}}
-            kept = self.start.backbone, self.start.feature, True, sigma, measured, self.length - 1
-            save_head(HeadCheckpoint(head.cpu(), *kept), self.folder / "best.pt")
+            best = replace(self.start, head=head.cpu(), sigma=sigma, measured=measured, window=self.length - 1)
+            save_head(best, self.folder / "best.pt")
 
     def state(self) -> dict[str, Any]:
         """The backbone."""

@@ -79,7 +79,7 @@ def test_a_head_that_knows_no_row_is_trained_on_the_rows_that_a_picture_reaches(
     features = Features("edgemap-nano")
     head = random_head(tuple(tap.channels for tap in features.taps), rows=0)
     names = tuple(tap.name for tap in features.taps)
-    save_floor(FloorCheckpoint(head, "edgemap-nano", names), tmp_path / "head.pt")  # type: ignore[arg-type]
+    save_floor(FloorCheckpoint(head, "edgemap-nano", names), tmp_path / "head.pt")
     exported = export_backbone("edgemap-nano", tmp_path / "b", heads=[tmp_path / "head.pt"])
     assert read_manifest(exported).name == "b"  # not its backbone's, which the package has
     bundle = load_bundle(exported).for_pictures(640, 480)
